@@ -66,18 +66,20 @@ lock:
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9'
 	$(LOCK) pyproject.toml --output-file locks/runtime.txt
 	$(LOCK) pyproject.toml $(EXTRAS:%=--extra %) --output-file locks/development.txt
+	$(LOCK) deconflict_client/pyproject.toml --output-file locks/client.txt
 	echo hatchling | $(LOCK) - --output-file locks/build.txt
 LOCK := build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--no-header --constraint constraints.txt
 EXTRAS := dev dask cluster export plot fuzz
 
-# What a release consists of, in build/release: the wheel, its lock, and a bill of materials of both as installed.
+# What a release consists of, in build/release: the wheels of the service and of its client, their locks, and a bill of
+# materials of the service as installed.
 artefacts:
 	rm -rf build/release build/wheel && mkdir -p build/release build/wheel
 	$(PYTHON) -m venv build/wheel/builder
 	$(call LOCKED,build/wheel/builder,locks/build.txt)
 	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) build/wheel/builder/bin/python -m pip wheel --quiet --no-deps \
-		--disable-pip-version-check --no-build-isolation --wheel-dir build/release .
+		--disable-pip-version-check --no-build-isolation --wheel-dir build/release ./deconflict_client .
 	$(PYTHON) -m venv build/wheel/venv
 	$(call LOCKED,build/wheel/venv,locks/runtime.txt)
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps build/release/*.whl
@@ -85,13 +87,22 @@ artefacts:
 	build/wheel/builder/bin/cyclonedx-py environment --output-reproducible --mc-type application --pyproject pyproject.toml \
 		--output-file build/release/sbom.cdx.json build/wheel/venv/bin/python
 	cp locks/runtime.txt build/release/requirements.txt
+	cp locks/client.txt build/release/requirements-client.txt
 LOCKED = $(1)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(2)
 
-# Runs the demo from the wheel in an empty environment.
+# Runs the demo from the wheel in an empty environment, and loads the client in one that has nothing else.
 check-wheel: artefacts
+	$(PYTHON) -m venv build/wheel/client
+	$(call LOCKED,build/wheel/client,locks/client.txt)
+	build/wheel/client/bin/python -m pip install --quiet --disable-pip-version-check build/release/amr_deconflict_client-*.whl
+	cd build/wheel && client/bin/python -c 'import deconflict_client.client'
+	@size=$$(du -sm --exclude='pip*' --exclude='setuptools*' build/wheel/client/lib/python3*/site-packages | cut -f1); \
+		echo "The client takes $$size MB"; test "$$size" -lt $(MOST_CLIENT_MB)
+	build/wheel/venv/bin/python -m pip check --disable-pip-version-check
 	cd build/wheel && venv/bin/deconflict --version
 	cd build/wheel && venv/bin/deconflict demo --seconds 10 > demo.txt || { cat demo.txt; exit 1; }
 	tail -n 1 build/wheel/demo.txt
+MOST_CLIENT_MB := 40
 
 release: check-wheel sign
 

@@ -24,8 +24,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.endtoend import Load, Running, service
-from deconflict.advisory import ClearedCode
 from deconflict.roles.processes.role_process import STEADY_S, RoleProcess
+from deconflict_client.advisory import ClearedCode
 from ingest.recording.log_reader import LogReader
 from ingest.recording.log_segments import segments
 

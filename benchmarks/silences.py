@@ -24,11 +24,11 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine import engine
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay

@@ -15,10 +15,18 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, EncounterClass, Location, Severity, moment
+from deconflict_client.advisory import (
+    AdvisoryState,
+    ClearedCode,
+    ConflictAdvisory,
+    EncounterClass,
+    Location,
+    Severity,
+    moment,
+)
+from deconflict_client.situations import Situation
 
 START_S = datetime(2026, 5, 1, tzinfo=UTC).timestamp()
 LASTS_S = 12.0

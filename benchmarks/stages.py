@@ -28,7 +28,6 @@ from benchmarks.offer import DATUM, MARGIN_M, ROBOTS, ROBOTS_A_CONNECTION, SPACI
 from benchmarks.replay import timed
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
@@ -37,6 +36,7 @@ from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.runtime.command_parsers import GC_THRESHOLDS
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.situations import AnyRevision
 from ingest.batch import Batch, Floats
 from ingest.fleet.fleet import Fleet
 from ingest.languages import timestamps

@@ -14,9 +14,9 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.stages import TICK_S, Floor
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.operator.store.store import Store
+from deconflict_client.situations import AnyRevision
 
 SETTLING_PASSES = 40
 

@@ -17,8 +17,8 @@ import json
 import os
 from pathlib import Path
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Severity
-from deconflict.client import Client, NoSuchAdvisoryError, PositionLostError
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, Severity
+from deconflict_client.client import Client, NoSuchAdvisoryError, PositionLostError
 
 NAME = "site service"
 

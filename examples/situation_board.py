@@ -13,9 +13,9 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AdvisoryState
-from deconflict.client import Client, PositionLostError
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.client import Client, PositionLostError
+from deconflict_client.situations import Situation
 
 
 async def follow(url: str) -> None:

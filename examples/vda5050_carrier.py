@@ -21,9 +21,9 @@ from uuid import uuid4
 
 from aiomqtt import Client as Broker
 
-from deconflict.advisory import AdvisoryState
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.client import Client, ClientError, PositionLostError
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.client import Client, ClientError, PositionLostError
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 
 VERSION, PREFIX = "2.0.0", "uagv/v2"

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from deconflict_client.verbs import Verb
 from ingest.shapes import MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
-from ingest.verbs import Verb
 
 UNKNOWN = "unknown"
 """The vendor of a robot that no identity, connection or site file names."""

@@ -10,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from deconflict.advisory import AnyAdvisory
+from deconflict_client.advisory import AnyAdvisory
 from ingest.languages import timestamps
 from ingest.recording.log_segments import under_present_name
 

@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 import trustme
 
-from deconflict.advisories.situations.situation import advisories_of
-from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.settings.site import Person
+from deconflict_client.advisory import AnyAdvisory, Severity
+from deconflict_client.situations import advisories_of
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, delivered, kept, posting

@@ -1,12 +1,14 @@
 """Where files lie, and which of them may import which.
 
-Imports run one way: `ingest` <- `deconflict` <- `metrics`, and inside each from later levels to earlier ones. Only the
-composition roots see all three: that of the command line, and that of a role's process.
+Imports run one way: `deconflict_client` <- `ingest` <- `deconflict` <- `metrics`, and inside each from later levels to
+earlier ones. Only the composition roots see all: that of the command line, and that of a role's process.
 """
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -18,9 +20,10 @@ import pytest
 ROOT = Path(__file__).parent.parent
 COMPOSITION_ROOTS = ("deconflict/__main__", "deconflict/roles/__main__")
 LEVELS = {
-    "": ["ingest", "deconflict", "metrics"],
+    "": ["deconflict_client", "ingest", "deconflict", "metrics"],
+    "deconflict_client": ["verbs", "advisory", "situations", "answers", "client"],
     "ingest": [
-        "batch clocks kernels settings shapes verbs",
+        "batch clocks kernels settings shapes",
         "sizes",
         "frames languages measures security",
         "port",
@@ -59,7 +62,7 @@ JSON_KEYS = "deconflict/simulation/drills/drill_outcomes.py"
 """Its fields are keys of the JSON output, which keep their names."""
 RIDDLES = {"told", "said", "one", "word"}
 REPEATED_NAMES = {"__init__", "__main__"}
-PACKAGES = ("ingest", "deconflict", "metrics")
+PACKAGES = ("deconflict_client", "ingest", "deconflict", "metrics")
 
 
 def files(folder: str) -> Iterator[Path]:
@@ -136,6 +139,13 @@ def test_every_entry_of_a_folder_has_a_level(folder: str) -> None:
     }
     if folder:
         assert present - REPEATED_NAMES == set(" ".join(LEVELS[folder]).split())
+
+
+def test_the_client_imports_only_what_its_wheel_installs() -> None:
+    project = tomllib.loads((ROOT / "deconflict_client" / "pyproject.toml").read_text())["project"]
+    installed = {re.split("[><=]", name)[0] for name in project["dependencies"]} | {"deconflict_client"}
+    imported = {name.split(".")[0] for _, source in sources(["deconflict_client"]) for name in imported_modules(source)}
+    assert imported <= installed | sys.stdlib_module_names
 
 
 def test_no_folder_has_a_circle_of_imports() -> None:

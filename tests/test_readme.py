@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.__main__ import parser
-from deconflict.advisory import ADVISORY
+from deconflict_client.advisory import ADVISORY
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()

@@ -3,14 +3,19 @@
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from tests.helpers.dependencies import ROOT, needed, pinned
 
 LOCKS = {path.stem: path.read_text() for path in (ROOT / "locks").glob("*.txt")}
+SERVICE, CLIENT = (
+    tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"] for folder in ("", "deconflict_client")
+)
 OF_WINDOWS = {"colorama"}
 """Packages that are needed there only; nothing is tested there."""
 
@@ -34,11 +39,20 @@ def test_every_pin_has_hashes_and_no_address(lock: str) -> None:
 
 
 def test_what_runs_and_what_builds_it_is_locked() -> None:
-    assert set(LOCKS) == {"runtime", "build", "development"}
+    assert set(LOCKS) == {"runtime", "build", "development", "client"}
+    assert locked("client").items() <= locked("runtime").items()
+    assert {canonicalize_name(Requirement(each).name) for each in CLIENT["dependencies"]} <= locked("client").keys()
     assert needed().keys() <= locked("runtime").keys(), "run make lock"
     assert locked("runtime").keys() <= locked("development").keys()
     assert "hatchling" in locked("build")
     assert pinned().keys() <= locked("development").keys() | locked("build").keys(), "run make lock"
+
+
+def test_the_client_has_the_version_of_the_service_and_asks_for_nothing_else() -> None:
+    """The build lets the service need the client by its own name and version."""
+    assert (CLIENT["name"], CLIENT["version"]) == (f"{SERVICE['name']}-client", SERVICE["version"])
+    assert CLIENT["requires-python"] == SERVICE["requires-python"]
+    assert set(CLIENT["dependencies"]) <= set(SERVICE["dependencies"])
 
 
 @pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import pytest
 from aiomqtt import Client
 
-from deconflict.advisory import ClearedCode
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.client import AdviceListing
+from deconflict_client.advisory import ClearedCode
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.client import AdviceListing
 from examples import vda5050_carrier
 from ingest.languages.vda5050.vda_front_end import robot_uuid
 from tests.deconflict.operator.http.served_face import Served, served, until
@@ -41,7 +41,9 @@ class Paused(dict[str, bool]):
 
 def asked(number: int, verb: str) -> dict[str, object]:
     pair = tuple(sorted((EAST, ROBOTS[1])))
-    return {"id": f"advice-{number}", "robots": pair, "robot": EAST, "vendor": "Siemens", "verb": verb}
+    vendors = tuple("Siemens" if robot == EAST else "Borealis" for robot in pair)
+    parties = {"robots": pair, "vendors": vendors, "robot": EAST, "vendor": "Siemens"}
+    return {"id": f"advice-{number}", **parties, "verb": verb}
 
 
 async def carried(face: Served, paused: Paused) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-PACKAGES = ("deconflict", "ingest", "metrics")
+PACKAGES = ("deconflict", "deconflict_client", "ingest", "metrics")
 BESIDE = ("benchmarks", "examples")
 OTHER_LANGUAGES = ("js", "toml", "json")
 REFERENCE_PAGES = ("promises.md", "site-file.md", "api.md", "conformance.md")
@@ -56,7 +56,7 @@ def package_sizes(checkout: Path) -> dict[str, CodeSize]:
 
 
 def _sum(sizes: Iterable[CodeSize]) -> CodeSize:
-    return CodeSize(*map(sum, zip(*sizes, strict=True)))
+    return CodeSize(*map(sum, zip(CodeSize(0, 0, 0), *sizes, strict=True)))
 
 
 def lines_in(paths: Iterable[Path]) -> int:

@@ -24,7 +24,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 
 ROOT = Path(deconflict.__file__).parent.parent
-PACKAGES = tuple(f"{ROOT / package}/" for package in ("deconflict", "ingest", "metrics"))
+PACKAGES = tuple(f"{ROOT / package}/" for package in ("deconflict", "deconflict_client", "ingest", "metrics"))
 ROBOTS = ("6b2f3f0a-54a2-4d6e-9b0e-6c1f0a7d9e11", "6b2f3f0a-54a2-4d6e-9b0e-6c1f0a7d9e12")
 DATUM = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 START_S, TICK_S, MOST_TICKS = 1_700_000_000.0, 0.25, 80

@@ -12,13 +12,13 @@ import numpy as np
 from benchmarks.drawn_floors.floor import HONEST
 from benchmarks.drawn_floors.motion import HALL, START_S, Robot, Sent
 from deconflict.advice.deferred_answers import Answer, PendingAnswer
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import DEFAULT
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from ingest.batch import Batch, Floats, Pair
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures

@@ -19,7 +19,7 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from deconflict.advisories.situations.situation import POSITION_LOST
+from deconflict_client.situations import POSITION_LOST
 from tests.helpers.saying import HALL, angle, identity, points, robot, status
 
 START_WITHIN_S, WARNED_WITHIN_S = 60.0, 20.0

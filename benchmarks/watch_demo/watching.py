@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
-from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
@@ -18,6 +16,8 @@ from deconflict.settings.site_file import load
 from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.driving.lost_time import LostTimeCounter
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict_client.situations import Situation, situations_of
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from metrics.scoring.contention_scores import ContentionScores

@@ -12,8 +12,8 @@ from deconflict.advice.holds.hold_windows import STEP_S, HoldWindow, NearbyRobot
 from deconflict.advice.holds.plan_parts import PlanParts
 from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.standing_advice import decide
-from deconflict.advisory import Action, Hold, Recommendation
 from deconflict.settings.site import USUAL_ADVICE, Advice
+from deconflict_client.advisory import Action, Hold, Recommendation
 from ingest.batch import Pair
 
 HOLD_WORKS = "a hold keeps them apart now"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
-from deconflict.advisory import Recommendation
+from deconflict_client.advisory import Recommendation
 from ingest.batch import Pair
 from ingest.measures.measures import Measures
 

@@ -8,13 +8,13 @@ from collections.abc import Collection, Sequence
 
 from pydantic_core import to_json
 
-from deconflict.advisory import Action, Hold, Recommendation, Slot
+from deconflict_client.advisory import Action, Hold, Recommendation, Slot
+from deconflict_client.situations import MOST_ACTIONS
 
 MOST_DOCUMENT_BYTES = 16_000
 """Reached only with names of the greatest length. With names of 30 letters a conflict has at most 8,000 bytes, and any
 other advisory 10,000."""
-MOST_ROBOTS, MOST_WAITS, MOST_PLACES = 20, 20, 20
-MOST_HOLDS, MOST_SLOTS, MOST_ACTIONS = 20, 16, 3
+MOST_WAITS, MOST_PLACES, MOST_HOLDS, MOST_SLOTS = 20, 20, 20, 16
 MOST_NAME_BYTES, MOST_SUMMARY_BYTES, MOST_NOTE_BYTES, MOST_REASON_BYTES = 100, 2400, 2200, 300
 MOST_HEADLINE_BYTES, MOST_EVENT_BYTES, MOST_ACTION_BYTES = 600, 1200, 800
 """Of a text in JSON."""

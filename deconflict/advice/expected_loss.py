@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from deconflict.advisory import ConflictAdvisory, EncounterClass
+from deconflict_client.advisory import ConflictAdvisory, EncounterClass
 
 ENCOUNTER_COST_S = {
     EncounterClass.HEAD_ON: 20.0,

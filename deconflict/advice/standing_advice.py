@@ -10,7 +10,7 @@ from deconflict.advice.holds.hold_problem import HoldProblem, Plan
 from deconflict.advice.holds.hold_search import FoundPlan
 from deconflict.advice.holds.hold_windows import STEP_S
 from deconflict.advice.priorities import WEIGHT
-from deconflict.advisory import Recommendation
+from deconflict_client.advisory import Recommendation
 from ingest.batch import Pair
 
 DONE = "the waiting that was advised is over"

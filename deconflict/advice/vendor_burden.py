@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from deconflict.advisory import Advisory
+from deconflict_client.advisory import Advisory
 
 
 class Burden:

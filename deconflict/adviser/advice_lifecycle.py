@@ -13,17 +13,17 @@ from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.advisories.words.advice_words import advice_headline, advice_summary
 from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
-from deconflict.advisory.robot_advice import ASKED, ENDED, RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
+from deconflict_client.advisory.robot_advice import ASKED, ENDED, RobotAdvice
+from deconflict_client.verbs import Followed
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
-from ingest.verbs import Followed
 
 LOOK_S = 1.0
 """Time between two looks for standoffs."""

@@ -9,12 +9,12 @@ from typing import Any, get_args
 
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
-from deconflict.advisory import AdviceAnswer
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings import site_file
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT, Site
+from deconflict_client.advisory import AdviceAnswer
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received

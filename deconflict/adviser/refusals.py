@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from deconflict.adviser.asked import CANNOT, Asked, reason_of
 from deconflict.adviser.standoffs import Standing
-from deconflict.advisory import ClearedCode
-from deconflict.advisory.robot_advice import REFUSED, REFUSED_S, RobotAdvice
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.foresight.losses.loss import LossKind
 from deconflict.foresight.losses.refusal import AdviceRefusal, HeldUp, stood_on
+from deconflict_client.advisory import ClearedCode
+from deconflict_client.advisory.robot_advice import REFUSED, REFUSED_S, RobotAdvice
 from ingest.measures.measures import Measures
 
 NOT_BEGUN = {ClearedCode.WITHDRAWN, ClearedCode.LAPSED, ClearedCode.DONE}

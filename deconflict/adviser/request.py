@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ingest.verbs import Verb as Verb  # noqa: PLC0414 - callers import it from here
+from deconflict_client.verbs import Verb as Verb  # noqa: PLC0414 - callers import it from here
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,12 @@ from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.tracks import Tracks, other_bodies
 from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
-from deconflict.advisory.robot_advice import YIELDED
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
+from deconflict_client.advisory.robot_advice import YIELDED
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 

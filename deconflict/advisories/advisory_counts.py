@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, ConflictAdvisory, Severity
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode, ConflictAdvisory, Severity
 from ingest.measures.measures import Measures
 
 OUTCOMES: dict[ClearedCode | None, str] = {

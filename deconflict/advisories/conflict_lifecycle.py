@@ -41,9 +41,9 @@ from deconflict.advisories.watched.watched_pairs import Examination, FoundPredic
 from deconflict.advisories.words import conflict_wording
 from deconflict.advisories.words.conflict_wording import GONE
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
 from ingest.batch import Pair
 
 

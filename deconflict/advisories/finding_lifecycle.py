@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 from deconflict.advice.document_limits import (
     MOST_NAME_BYTES,
     MOST_PLACES,
-    MOST_ROBOTS,
     MOST_WAITS,
     limited_advice,
     short_text,
@@ -26,7 +25,7 @@ from deconflict.advice.document_limits import (
 from deconflict.advisories.severity import rises
 from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisories.words.words import RevisionWords
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AdvisoryState,
     BlockageAdvisory,
     ClaimAdvisory,
@@ -41,6 +40,7 @@ from deconflict.advisory import (
     Wait,
     moment,
 )
+from deconflict_client.situations import MOST_ROBOTS
 
 LOOKS, LOOKS_NEEDED = 3, 2
 """This many of the last looks must find something before an advisory is raised on it."""

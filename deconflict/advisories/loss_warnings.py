@@ -8,9 +8,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.foresight.losses.loss import Loss, LossNotice
 from deconflict.foresight.probability.advice_followers import waits_until_s
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory
 
 FORESEEN_S = 2.0
 """An advisory warns of a loss if it named both robots for this long before the loss began."""

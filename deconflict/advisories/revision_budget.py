@@ -12,7 +12,7 @@ from typing import NamedTuple
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.watched.watched_pairs import WatchedPair
-from deconflict.advisory import Severity
+from deconflict_client.advisory import Severity
 from ingest.batch import Pair
 
 MOST_REVISIONS = 50

@@ -5,9 +5,9 @@ The kernels of `watched_pair_kernels` compile `is_likelier` and `published_proba
 
 from math import hypot
 
-from deconflict.advisory import Action, ConflictAdvisory, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from deconflict_client.advisory import Action, ConflictAdvisory, Recommendation
 
 MOVED_S, MOVED_M, DEEPER_M = 0.75, 1.0, 0.15
 """A larger change of the predicted time, place or separation is worth a revision."""

@@ -12,8 +12,8 @@ The severity of a conflict rises and falls:
 The kernels of `watched_pair_kernels` compile `severity_level`.
 """
 
-from deconflict.advisory import Severity
 from deconflict.settings.site import Conflict
+from deconflict_client.advisory import Severity
 
 SEVERITIES = (Severity.CAUTION, Severity.WARNING, Severity.CRITICAL)
 """In ascending order."""

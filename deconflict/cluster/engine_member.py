@@ -17,7 +17,6 @@ from threading import Lock
 from typing import Any
 from uuid import uuid4
 
-from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.loss_writer import LossWriter
@@ -41,6 +40,7 @@ from deconflict.runtime.learned_state import Part, packed
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 

@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisory import Acknowledgement
 from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.nats.bus import Bus
@@ -22,6 +21,7 @@ from deconflict.runtime.parcels import REFUSED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Acknowledgement
 
 log = logging.getLogger(__name__)
 

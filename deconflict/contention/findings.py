@@ -7,7 +7,6 @@ from deconflict.advisories.severity import severity_of_deadlock, severity_of_fin
 from deconflict.advisories.words import finding_words
 from deconflict.advisories.words.finding_words import Named, advised_slots, shortened, way_out
 from deconflict.advisories.words.words import RevisionWords
-from deconflict.advisory import Location, Recommendation, Severity, Wait, moment
 from deconflict.contention.queues.charger_forecast import ChargerShortage
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast
 from deconflict.contention.robots.place_geometry import PlaceGeometry
@@ -17,6 +16,7 @@ from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.deadlocks import RingLink
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.contention.waiting.standing_reasons import state_phrase
+from deconflict_client.advisory import Location, Recommendation, Severity, Wait, moment
 
 
 def contention(

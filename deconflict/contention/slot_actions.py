@@ -5,11 +5,11 @@ from math import ceil
 
 from deconflict.advice.actions.looking import DRIVE_ASIDE
 from deconflict.advice.actions.person_times import PERSON_REACTION_S, SHORTEST_WAIT_S
-from deconflict.advice.document_limits import MOST_ACTIONS
-from deconflict.advisory import Action, ActionKind, Recommendation, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
+from deconflict_client.advisory import Action, ActionKind, Recommendation, Slot
+from deconflict_client.situations import MOST_ACTIONS
 
 CHEAPER = "so they lose the least time in all"
 """Why of the robots of a ring this one makes way."""

@@ -9,10 +9,10 @@ from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, about_claim
 from deconflict.advisories.words import finding_words
-from deconflict.advisory import ClaimAdvisory, CrowdAdvisory, Location, Severity
 from deconflict.contention.crowds.crowd_finding import crowd_finding
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict_client.advisory import ClaimAdvisory, CrowdAdvisory, Location, Severity
 from ingest.batch import Claim
 
 JudgedAdvisory = ClaimAdvisory | CrowdAdvisory

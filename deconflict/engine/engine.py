@@ -18,9 +18,6 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
-from deconflict.advisories.situations.situation import advisories_of
-from deconflict.advisory import AnyAdvisory, ClearedCode, ConflictAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
@@ -47,10 +44,13 @@ from deconflict.runtime.learned_state import Learner, Part, learned_of, resume_a
 from deconflict.settings.site import Site
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import ACCURACY_M
+from deconflict_client.advisory import AnyAdvisory, ClearedCode, ConflictAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import advisories_of
+from deconflict_client.verbs import Followed
 from ingest.batch import Batch, Pair
 from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
-from ingest.verbs import Followed
 
 COARSE_M = 0.25
 """Accuracy of the smallest separation when the engine can't keep up."""

@@ -8,11 +8,11 @@ from deconflict.advice.priorities import Priorities
 from deconflict.advice.requests.hold_requests import MOST_NEAR, NEAR_M, HoldRequests
 from deconflict.advice.vendor_burden import Burden
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Basis, Batch
 from ingest.measures.measures import Measures
 

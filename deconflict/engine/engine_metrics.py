@@ -8,11 +8,11 @@ from deconflict.advisories.advisory_counts import (
     count_revisions,
     set_open_count,
 )
-from deconflict.advisory import AnyAdvisory
 from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Pair
 from ingest.fleet.owners.admission import PARTLY_EXAMINED
 from ingest.measures import clock_changes

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import ClearedCode
 from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
@@ -12,6 +11,7 @@ from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
+from deconflict_client.advisory import ClearedCode
 from ingest.batch import Basis, Floats, FloorPoint, Pair
 from ingest.fleet.owners.vendor_registry import OTHER
 

@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import NDArray
 
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import NamedPlace
 from deconflict.settings.shared_places import NamedArea, Obstacle, Place, Resource, outlines
 from deconflict.settings.site import Site
+from deconflict_client.advisory import NamedPlace
 from ingest.batch import Bools, FloorPoint
 from ingest.settings import Datum
 

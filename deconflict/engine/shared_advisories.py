@@ -4,10 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from deconflict.adviser.advice_lifecycle import AdviceLifecycle, AnsweredAdvice
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisories.situations.situation import AnyRevision, advice_of, advisories_of
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import ConflictAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.contention.contention import Contention
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.queue_advice import QueueAdvice
@@ -18,6 +15,9 @@ from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ConflictAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import AnyRevision, advice_of, advisories_of
 from ingest.batch import Batch, FloorPoint
 from ingest.measures.measures import Measures
 

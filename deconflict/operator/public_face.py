@@ -12,7 +12,7 @@ from threading import Thread
 
 from fastapi import FastAPI
 
-from deconflict.operator.http.uvicorn_server import create_server
+from deconflict.operator.http.server.uvicorn_server import create_server
 from deconflict.settings.site import Site
 from ingest.security.certificates import Certificates
 from ingest.security.tokens import SecretError

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from deconflict.advisory.cleared_code import ClearedCode
-from deconflict.advisory.robot_advice import ASKED, ENDED, REFUSED, REFUSED_S, YIELDED
 from deconflict.foresight.forecast_errors.forecast_grades import in_words
-from deconflict.operator.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
+from deconflict_client.advisory.cleared_code import ClearedCode
+from deconflict_client.advisory.robot_advice import ASKED, ENDED, REFUSED, REFUSED_S, YIELDED
+from deconflict_client.answers.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, joined_values
 

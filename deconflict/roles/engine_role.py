@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 from deconflict.advice.deferred_answers import Answer
-from deconflict.advisory import Recommendation
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
@@ -26,6 +25,7 @@ from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Recommendation
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 

@@ -9,8 +9,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import ADVICE, Acknowledgement
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -26,6 +24,8 @@ from deconflict.roles.engine_link.restoration import page_of_encounters, page_of
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
+from deconflict_client.advisory import ADVICE, Acknowledgement
+from deconflict_client.situations import REVISION, AnyRevision
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0

@@ -13,7 +13,7 @@ from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
@@ -29,6 +29,7 @@ from deconflict.roles.role_files import preparation, restarts, role_processes, s
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
+from deconflict_client.answers.loss_models import LossList
 from ingest.batch import Batch
 from ingest.measures.measures import Measures, joined_values
 

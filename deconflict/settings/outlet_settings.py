@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from deconflict.advisory import KindChoice
+from deconflict_client.advisory import KindChoice
 from ingest.settings import Seconds, SecretSource, Section
 
 Backoff = tuple[Seconds, Seconds]

@@ -19,12 +19,12 @@ from typing import IO, Any
 
 import msgspec
 
+from deconflict_client.verbs import Followed
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_topic
 from ingest.port.connection import Connection
 from ingest.recording.compression import DAMAGED, unpacked
 from ingest.recording.log_segments import last_lines, opened_log, segments
-from ingest.verbs import Followed
 
 LONGEST_LINE = 1 << 24
 """Bytes. Anything longer is no line of a log, and is not read into memory as one."""

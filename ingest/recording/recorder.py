@@ -39,6 +39,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from deconflict_client.verbs import Followed
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -47,7 +48,6 @@ from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
 from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
 from ingest.settings import RecorderSettings
-from ingest.verbs import Followed
 
 FLUSH_BYTES = 1 << 18
 """Lines that wait for a tick are passed on when they exceed this, so that little is left to write at the tick."""

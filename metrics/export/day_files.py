@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import DAY_S, FIGURES, LossKey, LossList, LossQuestion, LossRow
+from deconflict.operator.ledger.loss_questions import DAY_S, FIGURES, LossQuestion
+from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
 from metrics.replay_files import LogError
 
 KEYS: tuple[LossKey, ...] = ("hour", "vendor", "model", "by", "root", "kind", "floor", "place", "cell")

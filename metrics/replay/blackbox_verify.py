@@ -12,11 +12,11 @@ from typing import Any
 
 import zstandard
 
-from deconflict.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
 from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict_client.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory
 from ingest.languages import timestamps
 from ingest.languages.visible_text import visible, visible_lines
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of

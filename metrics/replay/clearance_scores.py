@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Batch
 from metrics.replay.engine_output import EngineOutput
 from metrics.scoring.warnings import precision_by_outcomes

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AnyAdvisory, ConflictAdvisory
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
+from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair
 from metrics.scoring.place_scores import PlaceForecast
 

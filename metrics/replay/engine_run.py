@@ -3,13 +3,13 @@
 import logging
 from math import floor
 
-from deconflict.advisories.situations.situation import advisories_of, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site
+from deconflict_client.situations import advisories_of, situations_of
 from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
 from metrics.replay.recorded_passes import EnginePass

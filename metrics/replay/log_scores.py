@@ -6,8 +6,9 @@ from math import floor, inf
 from typing import Any
 
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
-from deconflict.operator.ledger.loss_questions import LossKey, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.settings.site import Site
+from deconflict_client.answers.loss_models import LossKey
 from ingest.batch import Pair
 from ingest.languages import timestamps
 from metrics.replay import conformance_counts

@@ -14,11 +14,11 @@ from typing import Any
 from deconflict.engine.load_shedding import Effort
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.verbs import Followed
 from ingest.batch import Batch
 from ingest.fleet import fleet_report
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Given, Received, Tick
-from ingest.verbs import Followed
 from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 

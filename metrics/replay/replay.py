@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from typing import Any, TypedDict
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.situations import Situation
 from ingest.batch import Batch
 from ingest.recording.log_reader import Event, LogReader
 from metrics.replay import conformance_counts

@@ -7,12 +7,13 @@ from importlib.resources import files
 from typing import NamedTuple
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import LossKey, LossList, LossQuestion, LossRow
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.suggestions.evidence import evidence_of
 from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import SuggestionList
 from deconflict.settings import site
+from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
 from metrics.report.html_cells import linked_table
 
 WORST = 10

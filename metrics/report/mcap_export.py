@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from mcap.writer import CompressionType, Writer
 
-from deconflict.advisory import AnyAdvisory, Severity
 from deconflict.sweep.geometry.pose import pose_at
 from deconflict.sweep.shapes.shape_encounters import PlacedPart, bodies, placed_parts
+from deconflict_client.advisory import AnyAdvisory, Severity
 from ingest.batch import Batch, Forecasts
 
 Message = dict[str, Any]

@@ -19,8 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
 from deconflict.settings.site import Site
+from deconflict_client.advisory import (
+    AdvisoryState,
+    AnyAdvisory,
+    BlockageAdvisory,
+    ContentionAdvisory,
+    DeadlockAdvisory,
+)
 from ingest.batch import Batch, Floats
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.place_scores import AHEAD_S, PlaceForecast, PlaceScores

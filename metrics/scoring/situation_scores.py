@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_counts import counted
-from deconflict.advisory import AdvisoryState, SituationKind
+from deconflict_client.advisory import AdvisoryState, SituationKind
+from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.contention_scores import AlertOutcome

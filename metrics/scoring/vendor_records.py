@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any
 
 from deconflict.operator.vendor_health import vendor_health
-from deconflict.operator.vendor_models import Flag, VendorHealth
+from deconflict_client.answers.vendor_models import Flag, VendorHealth
 from ingest.measures.measures import joined_values
 
 LOOK_S = 60.0

@@ -12,7 +12,7 @@ from benchmarks.drawn_floors.judging import compared, meetings
 from benchmarks.drawn_floors.measuring import Terms, measured, reference
 from benchmarks.drawn_floors.motion import Robot, Way, sent_by
 from benchmarks.drawn_floors.others import KINDS
-from deconflict.advisory import Severity
+from deconflict_client.advisory import Severity
 
 SECONDS, ROBOTS = 20.0, 60
 HELD = (

@@ -10,11 +10,11 @@ from fastapi import FastAPI
 
 from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Watch
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_counts import count_situations
-from deconflict.advisory import AdvisoryState
 from deconflict.operator.http.page_routes import PageRoutes
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import Situation
 from ingest.measures.measures import Measures
 
 SECONDS = 300.0

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from deconflict.advisory import ADVISORY
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import SiteError, fit_problems, site_from_toml
+from deconflict_client.advisory import ADVISORY
 from ingest.batch import Batch, Floats
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet

@@ -12,9 +12,9 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 HEAD = """# Dependencies
 
-The table lists what `pip install -c constraints.txt .` installs besides this package. The versions are those that were
-tested. Each licence is the one in the metadata of the package. `python -m tests.helpers.dependencies >
-docs/dependencies.md` writes this page.
+The table lists what `pip install -c constraints.txt ./deconflict_client .` installs besides these two packages. The
+versions are those that were tested. Each licence is the one in the metadata of the package.
+`python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
 
 ## Known vulnerabilities
 

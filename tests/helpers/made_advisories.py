@@ -3,8 +3,7 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     Action,
     AdvisoryState,
     ConflictAdvisory,
@@ -14,7 +13,8 @@ from deconflict.advisory import (
     Severity,
     Wait,
 )
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import Situation, SituationAdvice
 
 START = datetime(2024, 5, 1, 8, 0, tzinfo=UTC)
 ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-000000000002")

@@ -7,8 +7,8 @@ import numpy as np
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.words.conflict_wording import Absence, Party
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
+from deconflict_client.advisory import EncounterClass
 from ingest.batch import Floats, Pair
 
 

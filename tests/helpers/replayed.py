@@ -3,15 +3,15 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, ledger_entries
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.situations import AnyRevision
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import EngineStarted, LogReader, Received, Tick
 

@@ -23,7 +23,7 @@ from unittest.mock import patch
 import fastapi
 
 ROOT = Path(__file__).parent.parent.parent
-PACKAGES = ("ingest", "deconflict", "metrics")
+PACKAGES = ("deconflict_client", "ingest", "deconflict", "metrics")
 Document = dict[str, Any]
 
 

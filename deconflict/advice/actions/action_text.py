@@ -1,6 +1,6 @@
 """Actions in words."""
 
-from deconflict.advisory import Action
+from deconflict_client.advisory import Action
 
 
 def action_text(action: Action) -> str:

@@ -4,7 +4,7 @@ from deconflict.advice.actions.other_actions import another_route, back_out, slo
 from deconflict.advice.actions.waiting import waits
 from deconflict.advice.holds.hold_problem import Plan
 from deconflict.advice.holds.plan_parts import PlanParts
-from deconflict.advisory import Action, Recommendation
+from deconflict_client.advisory import Action, Recommendation
 from ingest.batch import Pair
 
 LONG_WAIT_S = 4.0

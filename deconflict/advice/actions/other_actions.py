@@ -10,8 +10,8 @@ from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, 
 from deconflict.advice.actions.looking import FIND_CAUSE
 from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advice.holds.hold_problem import HoldProblem
-from deconflict.advisory import Action
 from deconflict.sweep.geometry.knots import Knots
+from deconflict_client.advisory import Action
 from ingest.batch import Pair
 
 SPEED_SHARES = (0.75, 0.5, 0.25)

@@ -6,7 +6,7 @@ from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
 from deconflict.advice.holds.hold_problem import Plan
 from deconflict.advice.holds.hold_windows import STEP_S
 from deconflict.advice.holds.plan_parts import PlanParts
-from deconflict.advisory import Action
+from deconflict_client.advisory import Action
 from ingest.batch import Pair
 
 STEPS_A_SECOND = round(1 / STEP_S)

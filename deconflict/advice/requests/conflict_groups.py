@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from deconflict.advice.expected_loss import expected_loss_s
-from deconflict.advisory import ConflictAdvisory, Recommendation, moment
+from deconflict_client.advisory import ConflictAdvisory, Recommendation, moment
 from ingest.batch import Pair
 
 Pairs = tuple[Pair, ...]

@@ -25,8 +25,8 @@ from deconflict.advice.deferred_answers import (
 from deconflict.advice.holds.hold_windows import HoldWindow, NearbyRobots
 from deconflict.advice.requests.conflict_groups import ConflictGroup, ConflictGroups, Pairs
 from deconflict.advice.vendor_burden import Burden
-from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ConflictAdvisory, Recommendation
 from ingest.batch import Pair
 from ingest.measures.measures import Measures
 

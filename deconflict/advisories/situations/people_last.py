@@ -11,11 +11,11 @@ from deconflict.advisories.situations.advice.action_sets import key_of, proposal
 from deconflict.advisories.situations.advice.asked_robots import AskedRobots
 from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, PeopleTurns
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
-from deconflict.advisories.situations.situation import PeopleWaitFor, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
-from deconflict.advisory import AnyAdvisory, Severity
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory, Severity
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import PeopleWaitFor, Situation, SituationAdvice
 
 
 class PeopleLast:

@@ -3,8 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AdvisoryState, SituationKind
+from deconflict_client.advisory import AdvisoryState, SituationKind
+from deconflict_client.situations import Situation
 from ingest.measures.measures import Measures
 
 SITUATION_FAILURES = "deconflict_situation_failures_total"

@@ -3,19 +3,13 @@
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from deconflict.advice.document_limits import MOST_NAME_BYTES, MOST_ROBOTS, short_text
+from deconflict.advice.document_limits import MOST_NAME_BYTES, short_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.action_sets import Proposal, key_of, proposal_of
 from deconflict.advisories.situations.advice.recurrences import BY_ITSELF_S, WITHIN_S
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.advice.stakes import Stakes
 from deconflict.advisories.situations.grouping import Group
-from deconflict.advisories.situations.situation import (
-    MOST_ADVISORIES,
-    PeopleWaitFor,
-    Situation,
-    SituationAdvice,
-)
 from deconflict.advisories.situations.situation_kinds import matter_of
 from deconflict.advisories.situations.situation_outline import count_spots, outline
 from deconflict.advisories.words.situation_words import (
@@ -27,7 +21,7 @@ from deconflict.advisories.words.situation_words import (
     present_words,
 )
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AdvisoryState,
     AnyAdvisory,
     ClearedCode,
@@ -36,6 +30,13 @@ from deconflict.advisory import (
     Severity,
     SituationKind,
     moment,
+)
+from deconflict_client.situations import (
+    MOST_ADVISORIES,
+    MOST_ROBOTS,
+    PeopleWaitFor,
+    Situation,
+    SituationAdvice,
 )
 
 NOTHING_LEFT: dict[str, Any] = {"advice": None, "people_wait_for": None, "advisories": (), "more_advisories": 0}

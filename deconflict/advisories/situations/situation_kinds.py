@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from deconflict.advisories.situations.advice.stakes import cost_of
 from deconflict.advisories.words.situation_words import Matter
-from deconflict.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass, SituationKind
+from deconflict_client.advisory import AnyAdvisory, BlockageAdvisory, ConflictAdvisory, EncounterClass, SituationKind
 
 KIND_OF: dict[str, SituationKind] = {
     "contention": "queue",

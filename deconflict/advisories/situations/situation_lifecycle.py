@@ -18,12 +18,12 @@ from deconflict.advisories.situations.advice.recurrences import Recurrences
 from deconflict.advisories.situations.advice.stakes import Stakes, stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import Box, Group, Grouping
 from deconflict.advisories.situations.people_last import PeopleLast
-from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
 from deconflict.advisories.situations.situation_fields import Assessment
 from deconflict.advisories.situations.situation_kinds import matter_of
 from deconflict.advisories.situations.subject import NOWHERE, Member, Subject
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, Severity
+from deconflict_client.situations import AnyRevision, Situation, SituationAdvice
 from ingest.batch import FloorPoint
 
 LINGERS_S, OVER_S = 8.0, 5.0

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from deconflict.advisories.situations.grouping import Group
-from deconflict.advisories.situations.situation import MOST_CORNERS
+from deconflict_client.situations import MOST_CORNERS
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""

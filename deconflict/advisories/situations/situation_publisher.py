@@ -5,14 +5,14 @@ from collections.abc import Collection, Iterable, Sequence
 from math import inf
 
 from deconflict.advisories.situations.people_last import PeopleLast
-from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of, situations_of
 from deconflict.advisories.situations.situation_counts import (
     SITUATION_FAILURES,
     count_situations,
     set_open_situations,
 )
 from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
+from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.measures.measures import Measures
 
 MEASURED_EVERY_S = 1.0

@@ -9,10 +9,9 @@ each other's way.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from deconflict.advice.document_limits import MOST_ROBOTS
 from deconflict.advisories.finding_lifecycle import finding_key
 from deconflict.advisories.words.situation_words import Matter
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
     ClaimAdvisory,
@@ -20,6 +19,7 @@ from deconflict.advisory import (
     ContentionAdvisory,
     CrowdAdvisory,
 )
+from deconflict_client.situations import MOST_ROBOTS
 
 NOWHERE = (0.0, 0.0)
 

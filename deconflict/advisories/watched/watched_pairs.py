@@ -25,9 +25,9 @@ from deconflict.advisories.watched.watched_pair_kernels import (
     meet_elsewhere,
 )
 from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
-from deconflict.advisory import ConflictAdvisory
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Floats, Ints, Pair
 
 MOST_SPARE = 8

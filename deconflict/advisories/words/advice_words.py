@@ -1,6 +1,6 @@
 """Advice as a sentence for people."""
 
-from ingest.verbs import Verb
+from deconflict_client.verbs import Verb
 
 SENTENCES: dict[Verb, str] = {
     "wait_before": "{name} should wait {place} until {other} has passed",

@@ -17,7 +17,7 @@ from deconflict.advice.document_limits import (
 )
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AdvisoryState,
     ClearedCode,
     ConflictAdvisory,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Sequence
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.words.words import RevisionWords, words
-from deconflict.advisory import Recommendation
+from deconflict_client.advisory import Recommendation
 
 Named = Callable[[str], str]
 WIDE_SPREAD_S = 3.0

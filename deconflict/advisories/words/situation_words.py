@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from deconflict.advisories.words.conflict_wording import ENCOUNTER_VERBS
 from deconflict.advisories.words.words import RevisionWords, words
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
     ConflictAdvisory,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from deconflict.advice.document_limits import MOST_HEADLINE_BYTES, MOST_SUMMARY_BYTES, short_text
-from deconflict.advisory import NamedPlace
+from deconflict_client.advisory import NamedPlace
 
 
 class Spot(NamedTuple):

@@ -16,8 +16,6 @@ from typing import Any
 
 from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisories.situations.situation import AnyRevision, advisories_of
-from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.stream_situations import StreamSituations
@@ -29,6 +27,8 @@ from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ConflictAdvisory
+from deconflict_client.situations import AnyRevision, advisories_of
 from ingest.batch import Batch
 
 log = logging.getLogger(__name__)

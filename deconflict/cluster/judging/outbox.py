@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.stream_records import StreamRecord
+from deconflict_client.situations import AnyRevision
 from ingest.batch import FloorPoint
 
 MOST_WAITING = 20_000

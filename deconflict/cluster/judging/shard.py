@@ -21,13 +21,13 @@ from deconflict.advisories.advisory_counts import (
     count_revisions,
     set_open_count,
 )
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, outdated, wide_channel
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.engine_metrics import LOST_SECONDS
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Batch, Bools, FloorPoint, Ints, Pair
 from ingest.measures.measures import Measures
 

@@ -8,11 +8,11 @@ begin there, which is outside its tiles: it sees robots long before they are in 
 from collections.abc import Callable, Iterable
 
 from deconflict.advisories.loss_warnings import LossWarnings
-from deconflict.advisories.situations.situation import AnyRevision, advisories_of
 from deconflict.cluster.tiles.tiles import Area
 from deconflict.engine.engine_metrics import count_losses
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.settings.site import Site
+from deconflict_client.situations import AnyRevision, advisories_of
 from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
 

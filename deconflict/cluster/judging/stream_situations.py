@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation, advisories_of, situations_of
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
-from deconflict.advisory import AdvisoryState
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.measures.measures import Measures
 
 

@@ -5,15 +5,15 @@ import logging
 import time
 from collections import OrderedDict
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation, is_advisory
 from deconflict.advisories.situations.situation_lifecycle import stamped
-from deconflict.advisory import AdvisoryState
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.shard import REMEMBERED
 from deconflict.cluster.nats.revision_stream import OverruledError, RevisionStream, UnwritableRevisionError
 from deconflict.cluster.nats.stream_records import StreamRecord, key_of
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.set_asides import SetAsides
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import AnyRevision, Situation, is_advisory
 from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
 

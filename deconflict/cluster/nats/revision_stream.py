@@ -10,11 +10,11 @@ from nats.errors import MaxPayloadError
 from nats.js import api
 from nats.js.errors import APIError, NotFoundError
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import Acknowledgement
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord, key_of, read_record, record_bytes
 from deconflict.cluster.nats.subscriptions import newest_of_each
+from deconflict_client.advisory import Acknowledgement
+from deconflict_client.situations import AnyRevision
 from ingest.batch import FloorPoint
 
 log = logging.getLogger(__name__)

@@ -7,11 +7,11 @@ from typing import NamedTuple
 from uuid import uuid5
 
 from deconflict.advisories.finding_lifecycle import finding_key
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, Situation
 from deconflict.advisories.words.conflict_wording import ADVISORIES
-from deconflict.advisory import Acknowledgement, ConflictAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.cluster.tiles.tile_channels import subject_token
+from deconflict_client.advisory import Acknowledgement, ConflictAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import REVISION, AnyRevision, Situation
 from ingest.batch import FloorPoint
 
 

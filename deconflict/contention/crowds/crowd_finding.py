@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 from deconflict.advisories.finding_lifecycle import Finding, about_crowd
 from deconflict.advisories.words import finding_words
-from deconflict.advisory import Location, Severity
 from deconflict.contention.crowds.crowds import Crowd
 from deconflict.foresight.presence.live_robots import LiveRobot
+from deconflict_client.advisory import Location, Severity
 
 NAMED_ROBOTS = 10
 """So many robots are named in the advisory, and the first three in its text."""

@@ -6,9 +6,9 @@ from heapq import heapify, heappop, heappush
 from operator import attrgetter
 
 from deconflict.advice.priorities import WEIGHT
-from deconflict.advisory import Recommendation
 from deconflict.contention.queues.queue_forecast import ServiceRequest
 from deconflict.contention.queues.schedule_bounds import Task, least_weighted_ends
+from deconflict_client.advisory import Recommendation
 
 
 @dataclass(frozen=True, slots=True)

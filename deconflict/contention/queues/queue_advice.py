@@ -8,7 +8,6 @@ from math import inf
 from deconflict.advice.deferred_answers import AdviceQuestion, Submit
 from deconflict.advice.priorities import Priorities
 from deconflict.advice.vendor_burden import Burden
-from deconflict.advisory import Recommendation
 from deconflict.contention.queues.place_group import PlaceQueue
 from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast, ServiceRequest
 from deconflict.contention.queues.slot_scheduling import advise_slots
@@ -18,6 +17,7 @@ from deconflict.contention.waiting.deadlocks import RingLink
 from deconflict.contention.waiting.detours import Refuge, back_out, detour
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Advice, Site
+from deconflict_client.advisory import Recommendation
 from ingest.measures.measures import Measures
 
 AGAIN_S = 10.0

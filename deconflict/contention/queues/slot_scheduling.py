@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 
 from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.solver import solve
-from deconflict.advisory import Recommendation, Slot
 from deconflict.contention.queues.place_group import Job, PlaceGroup, PlaceQueue, ScheduledJob, total_cost
 from deconflict.contention.queues.slot_model import SlotModel
 from deconflict.settings.site import USUAL_ADVICE, Advice
+from deconflict_client.advisory import Recommendation, Slot
 
 TIE_S = 0.1
 """Costs that differ by less are equal: no arrival is known better."""

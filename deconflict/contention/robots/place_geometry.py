@@ -7,11 +7,11 @@ from math import dist, inf
 import numpy as np
 import shapely
 
-from deconflict.advisory import Location
 from deconflict.contention.robots.bodies_ahead import BodiesAhead
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M, enlarged, touching_boxes
 from deconflict.contention.robots.lookahead import STEPS, Lookahead, corners
 from deconflict.settings.shared_places import Place, Resource, Zone, outlines
+from deconflict_client.advisory import Location
 from ingest.batch import Bools, Floats, Ints
 
 CHANGEOVER_S = 4.0

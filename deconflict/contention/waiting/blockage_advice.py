@@ -10,12 +10,12 @@ from typing import Any
 
 from deconflict.advice.actions.looking import DRIVE_ON
 from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
-from deconflict.advisory import Action, ActionKind, Recommendation
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage
 from deconflict.contention.waiting.detours import Refuge
 from deconflict.contention.waiting.standing_reasons import is_silent, needs_person, state_phrase, task_at
+from deconflict_client.advisory import Action, ActionKind, Recommendation
 
 MOST_HELD_UP = 2
 """Robots that are held up and get an action, the soonest first."""

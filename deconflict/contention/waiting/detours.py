@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from math import hypot
 from operator import itemgetter
 
-from deconflict.advisory import Recommendation, Slot, moment
 from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.place_geometry import CHANGEOVER_S
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
+from deconflict_client.advisory import Recommendation, Slot, moment
 
 SPEED_MPS = 1.0
 """Robots are taken to drive from place to place in a straight line at this speed."""

@@ -3,10 +3,10 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from deconflict.advisory import Action, Recommendation
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import RingLink, Want
 from deconflict.contention.waiting.wait_graph import PATH
+from deconflict_client.advisory import Action, Recommendation
 
 PASSES_S = 10.0
 """So long the other waits until the first has passed."""

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 import numba
 import numpy as np
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.foresight.probability.pair_table import has_robot_of, slots_of
 from deconflict.sweep.robot_slots import lengthen
+from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 

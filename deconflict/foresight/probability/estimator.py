@@ -47,10 +47,10 @@ from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.pair_choice import NO_CROWDS, Claims
+from deconflict_client.verbs import Followed
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
 from ingest.measures.measures import Labels, Measures
-from ingest.verbs import Followed
 
 STAYS_S = 20.0
 """A robot that has stood for at least this time is expected to stay."""

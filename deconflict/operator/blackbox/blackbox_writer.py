@@ -19,8 +19,6 @@ from typing import Any
 import msgspec
 import zstandard
 
-from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.operator.blackbox.archive import Archive, Box
 from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest
 from deconflict.operator.blackbox.hash_chain import HashChain
@@ -29,6 +27,8 @@ from deconflict.operator.blackbox.near_misses import NearMiss, verified_near_mis
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict_client.situations import REVISION
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.hindsight import (
     LONGEST_S,
@@ -16,6 +15,7 @@ from deconflict.operator.blackbox.hindsight import (
 )
 from deconflict.settings.site import Site
 from deconflict.sweep.shapes.shape_encounters import encounter
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Forecasts
 from ingest.languages import timestamps
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.advisories.situations.situation import advisories_of
-from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.store.pending_writes import PendingWrites, open_at_time
 from deconflict.operator.store.tables import between, open_at, read_only
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.situations import advisories_of
 from ingest.recording.plain_files import check_database
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import zstandard
 from pydantic import ValidationError
 
-from deconflict.advisory import ADVISORY, AnyAdvisory
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ADVISORY, AnyAdvisory
 from ingest.recording.log_reader import lines_of
 
 FORMAT = 1

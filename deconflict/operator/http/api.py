@@ -12,41 +12,43 @@ from fastapi import Depends, FastAPI, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_groups import described
-from deconflict.operator.http.api_models import (
-    AdviceList,
-    AdviceRevisions,
-    AdvisoryList,
-    BlackBoxList,
-    Document,
-    Owned,
-    Problem,
-    QuarantineList,
-    Reloaded,
-    RevisionList,
-    RobotList,
-    SituationList,
-    SituationRevisions,
-)
-from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, source_unavailable, store_failed
+from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, failed, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
+from deconflict.operator.http.filter_names import NamesInFilters
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import (
     RequestLimitsMiddleware,
     invalid_request,
     refuse_unknown_parameters,
 )
-from deconflict.operator.http.server_protocols import Places
+from deconflict.operator.http.server.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
-from deconflict.operator.vendor_models import VendorList
 from deconflict.settings.site import Site
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import (
+    AdviceList,
+    AdviceRevisions,
+    AdvisoryList,
+    Document,
+    Owned,
+    Problem,
+    QuarantineList,
+    Reloaded,
+    RevisionList,
+    SituationList,
+    SituationRevisions,
+)
+from deconflict_client.answers.blackbox_models import BlackBoxList
+from deconflict_client.answers.health_models import ServiceHealth
+from deconflict_client.answers.robot_models import HeardRobot, RobotList
+from deconflict_client.answers.vendor_models import VendorList
+from deconflict_client.situations import AnyRevision, Situation
 from ingest.measures.measures import Measures
 
 DESCRIPTION = """Predicted conflicts and contention of the robots of many vendors on shared floors.
@@ -88,26 +90,25 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     app.state.site, app.state.people, app.state.places = site, People(settings.people), Places()
     app.add_middleware(AccessMiddleware, settings=settings, people=app.state.people, signed_in=app.state.places.sign_in)
     app.add_middleware(RequestLimitsMiddleware, places=app.state.places)
-    _add_routes(app, ApiRoutes(publisher, store, sources, exposition, measures))
-    _add_advice_routes(app, AdviceRoutes(publisher, store, app.state.people))
-    add_loss_routes(app, lambda question: sources.losses(question))  # noqa: PLW0108 - a description has no sources
-    add_suggestion_routes(
-        app,
-        lambda question: sources.losses(question),  # noqa: PLW0108 - a description has no sources
-        lambda: sources.measures(),  # noqa: PLW0108
-        lambda: app.state.site,
-    )
+    names = NamesInFilters(store, sources, lambda: app.state.site)
+    _add_routes(app, ApiRoutes(publisher, store, sources, names, exposition, measures))
+    _add_advice_routes(app, AdviceRoutes(publisher, store, names, app.state.people))
+    ask = lambda question: sources.losses(question)  # noqa: E731, PLW0108 - a description has no sources
+    add_loss_routes(app, ask, names.unknown)
+    add_suggestion_routes(app, ask, lambda: sources.measures(), lambda: app.state.site)  # noqa: PLW0108
     _add_sockets(app, publisher, store, sources)
     _add_descriptions(app)
-    app.add_exception_handler(SourceUnavailableError, source_unavailable)
-    app.add_exception_handler(StoreError, store_failed)
-    app.add_exception_handler(RequestValidationError, invalid_request)
+    refusals = {SourceUnavailableError: source_unavailable, StoreError: store_failed, Exception: failed}
+    for error, refusal in (refusals | {RequestValidationError: invalid_request}).items():
+        app.add_exception_handler(error, refusal)
     return app
 
 
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     over: dict[int | str, Document] = {409: {"description": "It is cleared, or the site file says otherwise"}}
-    degraded: dict[int | str, Document] = {503: {"description": "A role or the store does not answer"}}
+    degraded: dict[int | str, Document] = {
+        503: {"model": ServiceHealth, "description": "A role or the store does not answer"}
+    }
     text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
     zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
 
@@ -133,13 +134,13 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
     refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
     app.post("/site/reload", response_model=Reloaded, responses=UNAVAILABLE | refused)(routes.reload)
     get("/robots", response_model=RobotList, responses=UNAVAILABLE)(routes.robots)
-    get("/robots/{uuid}", response_model=Document, responses=UNAVAILABLE | MISSING)(routes.robot)
+    get("/robots/{uuid}", response_model=HeardRobot, responses=UNAVAILABLE | MISSING)(routes.robot)
     app.post("/robots/{uuid}/owner", response_model=Owned, responses=UNAVAILABLE | over)(routes.give_robot)
     get("/vendors", response_model=VendorList, responses=UNAVAILABLE)(routes.vendors)
     get("/quarantine", response_model=QuarantineList, responses=UNAVAILABLE)(routes.quarantine)
     get("/blackboxes", response_model=BlackBoxList)(routes.blackboxes)
     get("/blackboxes/{file}", response_class=Response, responses=MISSING | zstd)(routes.blackbox)
-    get("/healthz", response_model=Document, responses=degraded)(routes.healthz)
+    get("/healthz", response_model=ServiceHealth, responses=degraded)(routes.healthz)
     get("/metrics", response_class=Response, responses=text)(routes.metrics)
     get("/schema/advisory", response_model=Document)(routes.schema)
     get("/schema/situation", response_model=Document)(routes.situation_schema)

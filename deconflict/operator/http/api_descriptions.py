@@ -6,14 +6,14 @@ from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any, cast
 
-from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import ADVISORY, EVERY_KIND
 from deconflict.operator.http.api import DESCRIPTION, create_app
 from deconflict.operator.http.api_sources import Sources
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
+from deconflict_client.advisory import ADVISORY, EVERY_KIND
+from deconflict_client.situations import REVISION
 from ingest.measures.measures import Measures
 
 Document = dict[str, Any]

@@ -9,11 +9,25 @@ from fastapi import HTTPException, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import advice_of, situations_of
-from deconflict.advisory import ADVICE, SITUATION, Acknowledgement, AdvisoryState, RevisionKind, Severity, SituationKind
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.http.access import People
-from deconflict.operator.http.api_models import (
+from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
+from deconflict.operator.http.filter_names import NamesInFilters
+from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict.operator.store.listings import StateFilter
+from deconflict.operator.store.publisher import PRUNED, Publisher
+from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.vendor_health import vendor_health
+from deconflict_client.advisory import (
+    ADVICE,
+    SITUATION,
+    Acknowledgement,
+    AdvisoryState,
+    RevisionKind,
+    Severity,
+    SituationKind,
+)
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import (
     AdviceList,
     AdviceRevisions,
     AdvisoryList,
@@ -21,19 +35,15 @@ from deconflict.operator.http.api_models import (
     NewOwner,
     Owned,
     Problem,
+    RefusedRequest,
     Reloaded,
     RevisionList,
     SituationList,
     SituationRevisions,
     VendorAnswer,
 )
-from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
-from deconflict.operator.http.json_schemas import SCHEMAS
-from deconflict.operator.store.listings import StateFilter
-from deconflict.operator.store.publisher import PRUNED, Publisher
-from deconflict.operator.store.store import Store, StoreError
-from deconflict.operator.vendor_health import vendor_health
-from deconflict.operator.vendor_models import VendorList
+from deconflict_client.answers.vendor_models import VendorList
+from deconflict_client.situations import advice_of, situations_of
 from ingest.measures.measures import Measures
 
 MOST_LISTED = 10_000
@@ -46,10 +56,16 @@ class ApiRoutes:
     """One method for each route."""
 
     def __init__(
-        self, publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, measures: Measures
+        self,
+        publisher: Publisher,
+        store: Store,
+        sources: Sources,
+        names: NamesInFilters,
+        exposition: Exposition,
+        measures: Measures,
     ) -> None:
         self._publisher, self._store, self._sources, self._exposition = publisher, store, sources, exposition
-        self._measures = measures
+        self._names, self._measures = names, measures
 
     def advisories(
         self,
@@ -60,8 +76,12 @@ class ApiRoutes:
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of advisories")] = 100,
     ) -> Response:
         """The newest revision of each advisory, newest first. Situations are listed only if asked for."""
-        listing = self._store.latest(state, kind=kind, vendor=vendor, robot=robot and robot.lower(), limit=limit)
-        return json_response(AdvisoryList(seq=listing.seq, advisories=listing.advisories, more=listing.more))
+        party = {"vendor": vendor, "robot": robot and robot.lower()}
+        listing = self._store.latest(state, kind=kind, limit=limit, **party)
+        unknown = {} if listing.advisories else self._names.unknown_from_thread(**party)
+        return json_response(
+            AdvisoryList(seq=listing.seq, advisories=listing.advisories, more=listing.more, unknown=unknown)
+        )
 
     def advisory(self, advisory_id: str) -> Response:
         """Every revision of one advisory."""
@@ -80,17 +100,13 @@ class ApiRoutes:
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of situations")] = 100,
     ) -> Response:
         """The newest revision of each situation, newest first."""
+        party = {"vendor": vendor, "robot": robot and robot.lower()}
         listing = self._store.latest(
-            state,
-            kind=SITUATION,
-            situation_kind=kind,
-            severity=severity,
-            vendor=vendor,
-            robot=robot and robot.lower(),
-            limit=limit,
+            state, kind=SITUATION, situation_kind=kind, severity=severity, limit=limit, **party
         )
         situations = situations_of(listing.advisories)
-        return json_response(SituationList(seq=listing.seq, situations=situations, more=listing.more))
+        unknown = {} if situations else self._names.unknown_from_thread(**party)
+        return json_response(SituationList(seq=listing.seq, situations=situations, more=listing.more, unknown=unknown))
 
     def situation(self, situation_id: str) -> Response:
         """Every revision of one situation."""
@@ -131,8 +147,9 @@ class ApiRoutes:
         self, vendor: Annotated[str | None, Query(description="only robots of this vendor")] = None
     ) -> Response:
         """What each robot reported, and how the service reads it."""
-        robots = await self._sources.robots()
-        return json_response({"robots": [robot for robot in robots if vendor in (None, robot["vendor"])]})
+        robots = [robot for robot in await self._sources.robots() if vendor in (None, robot["vendor"])]
+        unknown = {} if robots else await self._names.unknown(vendor=vendor)
+        return json_response({"robots": robots} | ({"unknown": unknown} if unknown else {}))
 
     async def robot(self, uuid: str) -> Response:
         """What one robot reported."""
@@ -196,6 +213,7 @@ class ApiRoutes:
     async def reload(self) -> Response:
         """Read the site file again and apply what has changed; 422 if the file is refused."""
         result = Reloaded.model_validate(await self._sources.reload())
+        result.detail = "; ".join(result.problems)
         return json_response(result, 200 if result.applied else 422)
 
     async def metrics(self) -> Response:
@@ -222,8 +240,8 @@ class ApiRoutes:
 class AdviceRoutes:
     """One method for each route."""
 
-    def __init__(self, publisher: Publisher, store: Store, people: People) -> None:
-        self._publisher, self._store, self._people = publisher, store, people
+    def __init__(self, publisher: Publisher, store: Store, names: NamesInFilters, people: People) -> None:
+        self._publisher, self._store, self._names, self._people = publisher, store, names, people
 
     def advice(
         self,
@@ -233,8 +251,11 @@ class AdviceRoutes:
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of pieces of advice")] = 100,
     ) -> Response:
         """What is asked of robots now, newest first: the newest revision of each piece of advice."""
-        listing = self._store.latest(state, kind=ADVICE, vendor=vendor, robot=robot and robot.lower(), limit=limit)
-        return json_response(AdviceList(seq=listing.seq, advice=advice_of(listing.advisories), more=listing.more))
+        party = {"vendor": vendor, "robot": robot and robot.lower()}
+        listing = self._store.latest(state, kind=ADVICE, limit=limit, **party)
+        advice = advice_of(listing.advisories)
+        unknown = {} if advice else self._names.unknown_from_thread(**party)
+        return json_response(AdviceList(seq=listing.seq, advice=advice, more=listing.more, unknown=unknown))
 
     def advice_revisions(self, advice_id: str) -> Response:
         """Every revision of one piece of advice."""
@@ -283,6 +304,11 @@ def json_response(content: object, status: int = 200, media_type: str = "applica
 async def source_unavailable(_: Request, error: Exception) -> Response:
     role = error.role if isinstance(error, SourceUnavailableError) else "unknown"
     return json_response(Problem(detail=f"{error}; try again shortly, or see /healthz", role=role), 503)
+
+
+async def failed(_: Request, __: Exception) -> Response:
+    """The answer to a request at which the service itself failed. The log has the error."""
+    return json_response(RefusedRequest(detail="the service failed at this request; its log says why"), 500)
 
 
 async def store_failed(_: Request, error: Exception) -> Response:

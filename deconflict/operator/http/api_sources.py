@@ -4,7 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict_client.answers.loss_models import LossList
 from ingest.batch import Batch
 
 Document = dict[str, Any]

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import ADVISORY
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ADVISORY
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import Situation
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {

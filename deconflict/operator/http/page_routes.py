@@ -13,9 +13,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import advisories_of, situations_of
 from deconflict.advisories.situations.situation_counts import counted
-from deconflict.operator.http.api_models import Heat, PastFloor, Recorded, Shift, StillThere
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
 from deconflict.operator.store.publisher import Publisher
@@ -23,6 +21,9 @@ from deconflict.operator.store.store import Store
 from deconflict.settings.floor_plan import IMAGES, image_matrix
 from deconflict.settings.shared_places import FloorPart, Resource, Zone, outlines
 from deconflict.settings.site import Site
+from deconflict_client.answers.api_models import Heat, PastFloor, Recorded, Shift, StillThere
+from deconflict_client.answers.site_models import SiteMap
+from deconflict_client.situations import advisories_of, situations_of
 
 HEAT_CELL_M = 1.0
 HEAT_S = 3600.0
@@ -133,7 +134,7 @@ def add_page_routes(
     live_socket = LiveSocket(source.follow, source.live_status, lambda: publisher.last_seq, measures, send_timeout_s)
     app.get("/", include_in_schema=False)(routes.page)
     app.get("/page/{name:path}", include_in_schema=False)(routes.file)
-    app.get("/site", response_model=dict[str, Any])(routes.site)
+    app.get("/site", response_model=SiteMap)(routes.site)
     app.get("/plans/{datum}", response_class=Response)(routes.plan)
     app.get("/recorded", response_model=Recorded)(routes.recorded)
     app.get("/past", response_model=PastFloor)(routes.past)

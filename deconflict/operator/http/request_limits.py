@@ -3,7 +3,7 @@ safe headers, no error."""
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fastapi import HTTPException, Request
@@ -14,7 +14,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from deconflict.operator.http.server_protocols import Places
+from deconflict.operator.http.server.server_protocols import Places
 
 MOST_BODY_BYTES = 64 * 1024
 """No route needs a longer body."""
@@ -145,15 +145,18 @@ async def refuse_unknown_parameters(connection: HTTPConnection) -> None:
 
 
 async def invalid_request(_: Request, error: Exception) -> JSONResponse:
-    """The answer to a request that does not validate. It repeats no input: JSON has no word for some of it."""
+    """The answer to a request that does not validate. It repeats no input, which may be long."""
     problems = error.errors() if isinstance(error, RequestValidationError) else ()
-    detail = [
-        {"type": each["type"], "loc": [_written(part) for part in each["loc"]], "msg": _written(each["msg"])}
-        for each in problems
-    ]
-    return JSONResponse({"detail": detail}, 422)
+    return JSONResponse({"detail": _written("; ".join(map(_problem_text, problems)))}, 422)
 
 
-def _written(value: Any) -> Any:
+def _problem_text(problem: Mapping[str, Any]) -> str:
+    """Where it is, and what was expected. The place is the parameter or the path in the body."""
+    path = problem["loc"][1:]
+    where = ".".join(map(str, path)) if path and problem["type"] != "json_invalid" else "body"
+    return f"{where}: {problem['msg']}"
+
+
+def _written(text: str) -> str:
     """Text that can be encoded."""
-    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+    return text.encode("utf-8", "replace").decode()

@@ -3,7 +3,8 @@
 import csv
 import io
 
-from deconflict.operator.ledger.loss_questions import FIGURES, LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import FIGURES, LossQuestion
+from deconflict_client.answers.loss_models import LossList
 
 
 def as_csv(question: LossQuestion, found: LossList) -> str:

@@ -1,24 +1,34 @@
 """`GET /losses`: how much time robots lost, by any of the keys, over any span."""
 
+import json
 import time
 from collections.abc import Awaitable, Callable
-from typing import Annotated, Literal, cast, get_args
+from typing import Annotated, Literal, Protocol, cast, get_args
 
 from fastapi import FastAPI, HTTPException, Query, Response
 from pydantic_core import to_json
 
 from deconflict.foresight.losses.loss import LossKind
 from deconflict.operator.ledger.loss_csv import as_csv
-from deconflict.operator.ledger.loss_questions import DAY_S, LossKey, LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
+from deconflict_client.answers.loss_models import LossKey, LossList
 
 KEYS = get_args(LossKey)
 MOST_ROWS = 10_000
 
 
 Ask = Callable[[LossQuestion], Awaitable[LossList]]
+UNKNOWN = "deconflict-unknown"
+"""Header of a table as CSV, which has no other room for `LossList.unknown`."""
 
 
-def add_loss_routes(app: FastAPI, ask: Ask) -> None:
+class Unknown(Protocol):
+    """By parameter of a filter, a sentence if nobody known has that name."""
+
+    def __call__(self, *, vendor: str | None, by: str | None, place: str | None) -> Awaitable[dict[str, str]]: ...
+
+
+def add_loss_routes(app: FastAPI, ask: Ask, unknown: Unknown) -> None:
     @app.get("/losses", response_model=LossList, responses={200: {"content": {"text/csv": {}}}})
     async def losses(
         group: Annotated[
@@ -42,8 +52,11 @@ def add_loss_routes(app: FastAPI, ask: Ask) -> None:
         begin_s = end_s - DAY_S if from_s is None else from_s
         question = LossQuestion(begin_s, end_s, loss_keys(group), vendor, by, kind and kind.value, place, limit)
         found = await ask(question)
+        if not (found.total.losses or found.total.refusals or found.total.unable):
+            found.unknown = await unknown(vendor=vendor, by=by, place=place)
         if table == "csv":
-            return Response(as_csv(question, found), media_type="text/csv; charset=utf-8")
+            headers = {UNKNOWN: json.dumps(found.unknown)} if found.unknown else {}
+            return Response(as_csv(question, found), headers=headers, media_type="text/csv; charset=utf-8")
         return Response(to_json(found), media_type="application/json")
 
 

@@ -9,9 +9,10 @@ from threading import Lock
 from typing import NamedTuple
 
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LedgerEntry, LossLedger
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.tables import UNWRITABLE
 from deconflict.settings.site import LossSettings
+from deconflict_client.answers.loss_models import LossList
 from ingest.measures.measures import Measures
 from ingest.recording.plain_files import with_advice
 

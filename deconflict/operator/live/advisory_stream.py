@@ -7,11 +7,11 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from deconflict.advisories.situations.situation import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED, chosen_kinds
-from deconflict.advisory import ADVISORY_KINDS, EVERY_KIND
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.until_either import until_either
+from deconflict_client.advisory import ADVISORY_KINDS, EVERY_KIND
+from deconflict_client.situations import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED, chosen_kinds
 from ingest.measures.measures import Measures
 
 MOST_DIGITS = 18

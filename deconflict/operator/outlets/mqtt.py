@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 from aiomqtt import Client, MqttError, Will
 
-from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import ADVICE, EVERY_KIND, SITUATION, AdvisoryState
 from deconflict.operator.outlets.store_cursor import StoreCursor, is_being_cancelled
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.store.tables import StoredDocument
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.outlet_settings import Mqtt
+from deconflict_client.advisory import ADVICE, EVERY_KIND, SITUATION, AdvisoryState
+from deconflict_client.situations import REVISION
 from ingest.security.tokens import renewed, secret
 
 TOPICS = {SITUATION: "situations", ADVICE: "advice"}

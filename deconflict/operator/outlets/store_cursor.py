@@ -5,10 +5,10 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
 
-from deconflict.advisories.situations.situation import chosen_kinds
-from deconflict.advisory import KindChoice
 from deconflict.operator.store.publisher import PublishedLine, PublishedPage, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict_client.advisory import KindChoice
+from deconflict_client.situations import chosen_kinds
 from ingest.measures.outages import OutageLog
 
 log = logging.getLogger(__name__)

@@ -5,7 +5,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from hashlib import sha256
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision
+from deconflict_client.situations import REVISION, AnyRevision
 
 TOLERANCE_S = 300.0
 """A request whose time differs by more may be an old one that somebody else sends again."""

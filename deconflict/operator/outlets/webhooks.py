@@ -6,11 +6,11 @@ from contextlib import suppress
 
 import httpx
 
-from deconflict.advisory import ADVISORY_KINDS
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import signed
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.settings.outlet_settings import Webhook
+from deconflict_client.advisory import ADVISORY_KINDS
 from ingest.security.tokens import renewed, secret
 
 MOST_ANSWER_BYTES = 1 << 16

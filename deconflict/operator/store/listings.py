@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Literal, NamedTuple
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import ADVISORY_KINDS, AdvisoryState, SituationKind
+from deconflict_client.advisory import ADVISORY_KINDS, AdvisoryState, SituationKind
+from deconflict_client.situations import AnyRevision
 
 StateFilter = Literal["open", "cleared", "all"]
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from deconflict.advisories.situations.situation import AnyRevision, Revision
-from deconflict.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import AnyRevision, Revision
 
 MOST_PENDING = 20_000
 """If this many revisions wait in memory for the disk, some 40 MB, more are refused, and the engine sends them again."""

@@ -13,9 +13,9 @@ from sys import maxsize
 from threading import Lock
 from typing import NamedTuple
 
-from deconflict.advisory import EVERY_KIND
 from deconflict.operator.store import tables
 from deconflict.operator.store.sqlite_connections import SqliteConnections
+from deconflict_client.advisory import EVERY_KIND
 
 STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""

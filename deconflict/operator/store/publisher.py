@@ -13,10 +13,10 @@ from itertools import islice
 from threading import Lock
 from typing import NamedTuple
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import EVERY_KIND, Acknowledgement
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.set_asides import SetAsides
+from deconflict_client.advisory import EVERY_KIND, Acknowledgement
+from deconflict_client.situations import AnyRevision
 from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)

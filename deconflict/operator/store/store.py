@@ -18,8 +18,6 @@ from operator import attrgetter
 from pathlib import Path
 from threading import RLock
 
-from deconflict.advisories.situations.situation import AnyRevision, Listing
-from deconflict.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
 from deconflict.operator.store import pruning, tables
 from deconflict.operator.store.listings import ListingFilter, Page, ShiftRow, StateFilter, first_page, situations_since
 from deconflict.operator.store.pending_writes import (
@@ -33,6 +31,8 @@ from deconflict.operator.store.pending_writes import (
 from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from deconflict.operator.store.unstored_answers import UnstoredAnswers
+from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict_client.situations import AnyRevision, Listing
 from ingest.batch import Pair
 
 MOST_PAST = 2_000

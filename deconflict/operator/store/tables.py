@@ -10,8 +10,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import (
+from deconflict.operator.store.listings import OPEN_VALUES, ListingFilter
+from deconflict.operator.store.pending_writes import LOOK_BACK_S
+from deconflict_client.advisory import (
     EVERY_KIND,
     SITUATION,
     Acknowledgement,
@@ -19,8 +20,7 @@ from deconflict.advisory import (
     ConflictAdvisory,
     Location,
 )
-from deconflict.operator.store.listings import OPEN_VALUES, ListingFilter
-from deconflict.operator.store.pending_writes import LOOK_BACK_S
+from deconflict_client.situations import REVISION, AnyRevision
 from ingest.batch import Pair
 
 log = logging.getLogger(__name__)

@@ -2,8 +2,8 @@
 
 import sqlite3
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.operator.store.tables import numbered
+from deconflict_client.situations import AnyRevision
 
 
 class UnstoredAnswers:

@@ -5,8 +5,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from deconflict.operator.ledger.loss_questions import HOUR_S, LossKey, LossList, LossRow
+from deconflict.operator.ledger.loss_questions import HOUR_S
 from deconflict.operator.suggestions.suggestion import PairShare, SuggestionEvidence
+from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
 
 CELLS: tuple[LossKey, ...] = ("floor", "place", "cell", "kind")
 PAIRS: tuple[LossKey, ...] = ("floor", "place", "kind", "vendor", "by")

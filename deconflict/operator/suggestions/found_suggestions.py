@@ -6,7 +6,7 @@ Pure: the sums, the places of the site and what is known of vendors in; a list o
 from collections.abc import Iterable
 from itertools import chain
 
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.suggestions.evidence import QUESTIONS, LossEvidence
 from deconflict.operator.suggestions.place_rules import (
     LEAST_LOSSES,
@@ -18,6 +18,7 @@ from deconflict.operator.suggestions.place_rules import (
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import Suggestion, SuggestionList
 from deconflict.operator.suggestions.vendor_rules import clearance_suggestions, vendor_suggestions
+from deconflict_client.answers.loss_models import LossList
 
 MOST_SUGGESTIONS = 5
 MOST_ROWS = 20_000

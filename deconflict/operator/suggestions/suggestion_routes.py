@@ -7,13 +7,14 @@ from typing import Annotated, Any
 
 from fastapi import FastAPI, Query
 
-from deconflict.operator.ledger.loss_questions import DAY_S, LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
 from deconflict.operator.suggestions.evidence import VendorForecasts, evidence_of
 from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import SuggestionList
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.settings.site import Site
+from deconflict_client.answers.loss_models import LossList
 
 DAYS = 7
 Ask = Callable[[LossQuestion], Awaitable[LossList]]

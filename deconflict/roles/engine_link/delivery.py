@@ -16,14 +16,14 @@ from uuid import uuid4
 from pydantic_core import to_json
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisory import AnyAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.message_latency import observe_latency
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, cut_into_parcels, packed_parcel
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.runtime.set_asides import SetAsides
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from ingest.batch import Floats
 from ingest.measures.measures import Measures
 

@@ -10,16 +10,16 @@ import logging
 from collections.abc import Iterable, Sequence
 
 from deconflict.advisories.situations.people_last import PeopleLast
-from deconflict.advisories.situations.situation import AnyRevision, Situation, advice_of, advisories_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
-from deconflict.advisory import AnyAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.engine_link.restoration import open_revisions
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import AnyRevision, Situation, advice_of, advisories_of
 
 log = logging.getLogger(__name__)
 

@@ -5,13 +5,13 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, advice_of, advisories_of
-from deconflict.advisory import SITUATION, AnyAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.store.store import Store
 from deconflict.runtime.parcels import packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import Caller
 from deconflict.runtime.set_asides import SetAsides
+from deconflict_client.advisory import SITUATION, AnyAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import REVISION, AnyRevision, advice_of, advisories_of
 from ingest.batch import Pair
 
 MOST_ADVISORIES, MOST_ENCOUNTERS = 500, 5_000

@@ -5,10 +5,10 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.roles.health.canary_pair import Canary
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Batch
 
 log = logging.getLogger(__name__)

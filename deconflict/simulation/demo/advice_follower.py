@@ -6,10 +6,10 @@ from enum import StrEnum
 from math import inf
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisories.situations.situation import AnyRevision, Situation, SituationAdvice
-from deconflict.advisory import Action, AdvisoryState, Hold, Recommendation
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.simulation.driving.motion import Activity, MovingRobots
+from deconflict_client.advisory import Action, AdvisoryState, Hold, Recommendation
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import AnyRevision, Situation, SituationAdvice
 
 STALE_S = 1.5
 """Advice may be based on reports this much older than the advice."""

@@ -6,12 +6,12 @@ from dataclasses import asdict
 from typing import Any
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S, RobotFloor, warehouse
+from deconflict_client.situations import AnyRevision
 
 SHOWN = ("lost_s", "waited_s", "stops", "trips")
 """The sums of `LostTime` that the demo prints."""

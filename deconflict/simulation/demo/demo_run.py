@@ -22,9 +22,6 @@ from rich.text import Text
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from deconflict.advisories.situations.situation import REVISION, is_advisory
-from deconflict.advisory import AdvisoryState
-from deconflict.client import Client, ClientError
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
@@ -38,6 +35,9 @@ from deconflict.simulation.demo.demo_floor import FollowingFloor
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
 from deconflict.simulation.vendors.senders import simulate
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.client import Client, ClientError
+from deconflict_client.situations import REVISION, is_advisory
 from ingest.languages.visible_text import visible
 from ingest.port.brokers.mqtt_source import MqttSource
 

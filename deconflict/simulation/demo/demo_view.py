@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
 from ingest.languages.visible_text import visible
 from ingest.measures.measures import Histogram, joined_values
 

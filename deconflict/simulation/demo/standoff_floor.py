@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.simulation.demo.advice_follower import Follow
 from deconflict.simulation.demo.advice_turns import AdviceTurns, Saved
 from deconflict.simulation.demo.demo_floor import FollowingFloor
 from deconflict.simulation.demo.standoff_hall import StandoffWorld
 from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S
+from deconflict_client.situations import AnyRevision
 
 OFF = "busy: advice is off in this turn"
 """What robots answer while advice is off. The service asks them again soon."""

@@ -6,9 +6,9 @@ from typing import Any
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.situations.situation import AnyRevision, Situation, is_advisory
-from deconflict.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
+from deconflict_client.situations import AnyRevision, Situation, is_advisory
 
 CLOSE_S = 3.0
 """The greatest error of a predicted cost that counts as correct."""

@@ -17,7 +17,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from deconflict.client import Client
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.service import run_in_one_process
@@ -27,6 +26,7 @@ from deconflict.simulation.drills.errands import STEP_S, ErrandGroup
 from deconflict.simulation.drills.site_service import SERVICES, AdviceSource, SiteService, SituationService
 from deconflict.simulation.vendors.dialects import DIALECTS
 from deconflict.simulation.vendors.senders import OWN_PATH, Sender, call
+from deconflict_client.client import Client
 
 LONGEST_S = 120.0
 

@@ -6,7 +6,6 @@ Each has its own area in the datum of the demo's ground hall, south of the hall,
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from deconflict.advisory import Kind
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
@@ -14,6 +13,7 @@ from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 from deconflict.simulation.participants import ALDER, BASALT, CORVID, WALKER, Make, Participant
 from deconflict.simulation.vendors.dialects import GROUND_ID
+from deconflict_client.advisory import Kind
 
 APART_M = 50.0
 """Distance from one drill's origin to the next."""

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Literal
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import Action, ActionKind, Hold, Slot
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.simulation.drills.dispatcher import Dispatcher
 from deconflict.simulation.drills.errands import Errand, ErrandGroup
+from deconflict_client.advisory import Action, ActionKind, Hold, Slot
+from deconflict_client.situations import AnyRevision, Situation
 
 AdviceSource = Literal["advisories", "situations"]
 """Whose advice a site service follows."""

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
 
-from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from deconflict.sweep.geometry.pose import COLUMNS, Columns, Moving, Pose, columns_of, moving, pose_at
+from deconflict_client.advisory import EncounterClass
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner, kernel

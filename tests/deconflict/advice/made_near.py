@@ -7,9 +7,9 @@ from typing import NamedTuple
 from deconflict.advice.holds.hold_planner import plan_holds
 from deconflict.advice.holds.hold_windows import STEP_S, HoldWindow, NearbyRobots, PlannedRobot
 from deconflict.advice.priorities import WEIGHT
-from deconflict.advisory import ConflictAdvisory, Hold, Recommendation
 from deconflict.settings.site import USUAL_ADVICE, Advice
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.advisory import ConflictAdvisory, Hold, Recommendation
 from ingest.batch import Forecasts, Pair
 from tests.deconflict.engine import made_engine
 from tests.deconflict.engine.made_engine import Floor

@@ -2,7 +2,7 @@
 
 from deconflict.advice.conflict_advice import COSTS_MORE, advise_conflicts
 from deconflict.advice.holds.hold_windows import DelayWindows
-from deconflict.advisory import Recommendation, moment
+from deconflict_client.advisory import Recommendation, moment
 from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 
 

@@ -7,7 +7,6 @@ from pydantic_core import to_json
 
 from deconflict.advice.document_limits import (
     CUT,
-    MOST_ACTIONS,
     MOST_HOLDS,
     MOST_NAME_BYTES,
     MOST_NAMED,
@@ -17,7 +16,8 @@ from deconflict.advice.document_limits import (
     listed,
     short_text,
 )
-from deconflict.advisory import Action, Hold, Recommendation, Slot
+from deconflict_client.advisory import Action, Hold, Recommendation, Slot
+from deconflict_client.situations import MOST_ACTIONS
 from tests.helpers.made_advisories import START
 
 

@@ -3,9 +3,9 @@
 import pytest
 
 from deconflict.advice.priorities import Priorities
-from deconflict.advisory import ContentionAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.shared_places import Resource
+from deconflict_client.advisory import ContentionAdvisory
 from ingest.settings import Model, Vendor
 from tests.deconflict.advice.made_near import until_advised
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site

@@ -5,7 +5,7 @@ from functools import partial
 
 from deconflict.advice.conflict_advice import advise_conflicts
 from deconflict.advice.standing_advice import DONE
-from deconflict.advisory import Hold, Recommendation, moment
+from deconflict_client.advisory import Hold, Recommendation, moment
 from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 from tests.helpers.made_encounters import NOW_S
 

@@ -7,13 +7,13 @@ from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisory import AdviceAnswer, AdvisoryState, AnyAdvisory, ClearedCode
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT, Site
+from deconflict_client.advisory import AdviceAnswer, AdvisoryState, AnyAdvisory, ClearedCode
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

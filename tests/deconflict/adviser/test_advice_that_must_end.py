@@ -6,9 +6,9 @@ import pytest
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.adviser.standoff_advice import StandoffAdvice
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.load_shedding import Effort
 from deconflict.roles.engine_role import EngineRole
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from tests.deconflict.contention.scenes import NOW_S, Scene, standoff
 
 

@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 
 from deconflict.adviser.request import Verb
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from tests.deconflict.adviser.advised_floor import (
     BUSY,
     CANNOT,

@@ -7,9 +7,9 @@ import pytest
 
 from deconflict.adviser import Request
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
-from deconflict.advisory import AdviceAnswer
 from deconflict.engine.load_shedding import Effort
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdviceAnswer
 from ingest.settings import Reading
 from tests.deconflict.adviser.advised_floor import HALF_M, SILENT, UNBEGUN, AdvisedFloor, Reply, forward
 from tests.deconflict.adviser.floors import Floor, Robot, before_crossing, face_to_face

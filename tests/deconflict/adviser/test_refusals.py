@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger, refusal_entries
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_role import EngineRole
 from deconflict.settings.site import DEFAULT, LossSettings
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from ingest.batch import Batch
 from tests.deconflict.adviser.advised_floor import AdvisedFloor, Reply, forward
 from tests.deconflict.adviser.floors import START_S, Robot, before_crossing, face_to_face

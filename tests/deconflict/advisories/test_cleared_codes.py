@@ -2,7 +2,7 @@
 
 from deconflict.advisories.advisory_counts import count_revisions
 from deconflict.advisories.finding_lifecycle import CLEARED_CODES
-from deconflict.advisory import ADVISORY, ADVISORY_KINDS, ClearedCode
+from deconflict_client.advisory import ADVISORY, ADVISORY_KINDS, ClearedCode
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import START, cleared, made
 

@@ -19,10 +19,10 @@ from hypothesis.stateful import (
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
-from deconflict.advisories.situations.situation import advisories_of
-from deconflict.advisory import Acknowledgement, AdvisoryState, AnyAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
+from deconflict_client.advisory import Acknowledgement, AdvisoryState, AnyAdvisory
+from deconflict_client.situations import advisories_of
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
 from tests.helpers.made_scene import MadeScene

@@ -11,9 +11,9 @@ from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.revision_rules import HELD_SHARE
 from deconflict.advisories.words.conflict_wording import Party, new_id
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
 from tests.helpers.made_scene import MadeScene

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES, MOST_ROBOTS
+from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, finding_key
-from deconflict.advisories.situations.situation import MOST_ADVISORIES, REVISION
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import RevisionWords, Spot, words
-from deconflict.advisory import (
+from deconflict.settings.site import Conflict
+from deconflict_client.advisory import (
     Action,
     AnyAdvisory,
     BlockageAdvisory,
@@ -25,7 +25,7 @@ from deconflict.advisory import (
     Wait,
     moment,
 )
-from deconflict.settings.site import Conflict
+from deconflict_client.situations import MOST_ADVISORIES, MOST_ROBOTS, REVISION
 from tests.helpers.made_advisories import made
 from tests.helpers.saying import HALL
 

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.advisories.finding_lifecycle import RESTORED_S, UPDATE_GAP_S, Finding, FindingAdvisory, FindingLifecycle
 from deconflict.advisories.words.words import RevisionWords
-from deconflict.advisory import ContentionAdvisory, Location, Severity
+from deconflict_client.advisory import ContentionAdvisory, Location, Severity
 from tests.helpers.saying import HALL
 
 NOW_S = 1_790_000_000.0

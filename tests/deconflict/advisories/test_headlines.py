@@ -7,9 +7,17 @@ import pytest
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import ADVISORY, AnyAdvisory, ClearedCode, ConflictAdvisory, Hold, NamedPlace, Recommendation
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
+from deconflict_client.advisory import (
+    ADVISORY,
+    AnyAdvisory,
+    ClearedCode,
+    ConflictAdvisory,
+    Hold,
+    NamedPlace,
+    Recommendation,
+)
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,

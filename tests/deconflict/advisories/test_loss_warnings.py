@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.loss_warnings import FORESEEN_S, KEPT_S, LossWarnings, nobody_asked
-from deconflict.advisory import ConflictAdvisory, Hold, Recommendation
 from deconflict.foresight.losses.loss import Loss, LossKind, LossNotice
+from deconflict_client.advisory import ConflictAdvisory, Hold, Recommendation
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 
 RAISED_S = START.timestamp()

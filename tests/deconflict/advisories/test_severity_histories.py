@@ -11,8 +11,8 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import FALLS_S, KEPT_SHARE, SEVERITIES, rises, severity_level
 from deconflict.advisories.words.conflict_wording import Party
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from deconflict.settings.site import Conflict
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
 from tests.helpers.made_scene import MadeScene

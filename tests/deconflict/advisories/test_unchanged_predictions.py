@@ -10,9 +10,9 @@ from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.watched.watched_pairs import Examination, WatchedPairs
 from deconflict.advisories.words.conflict_wording import Party
-from deconflict.advisory import ConflictAdvisory, EncounterClass
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter
+from deconflict_client.advisory import ConflictAdvisory, EncounterClass
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
 from tests.helpers.made_scene import MadeScene

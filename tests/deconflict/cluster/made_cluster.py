@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision
 from deconflict.cluster.engine_member import LISTEN_S
 from deconflict.cluster.ingest_feed import IngestFeed
 from deconflict.cluster.nats.bus import Bus
@@ -26,6 +25,7 @@ from deconflict.roles.service import Role, runtime_directory
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Operator, Site
+from deconflict_client.situations import REVISION, AnyRevision
 from ingest.batch import FloorPoint
 from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render

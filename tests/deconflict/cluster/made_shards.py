@@ -6,12 +6,12 @@ from typing import Any
 
 from numpy.random import Generator
 
-from deconflict.advisory import ConflictAdvisory
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.tiles.tile_channels import ChannelSorter, reach_m
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Batch, FloorPoint
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry

@@ -5,7 +5,7 @@ import time
 from math import pi
 from pathlib import Path
 
-from deconflict.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState
 from tests.deconflict.cluster.made_cluster import cluster, lives, needs_server, until
 from tests.deconflict.roles.made_service import Course, drive
 from tests.helpers.plain_http import http_client

@@ -9,11 +9,11 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.tiles.tile_owners import OwnerTable
 from deconflict.cluster.tiles.tiles import Tile
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import AnyRevision
 from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, lives, needs_server, running, table, until
 from tests.deconflict.roles.made_service import Course, drive
 

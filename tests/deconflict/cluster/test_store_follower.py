@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
-from deconflict.client import Client, PositionLostError
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S
@@ -19,6 +17,8 @@ from deconflict.operator.store.store import Store
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import STORED
 from deconflict.runtime.rpc import listening, socket_path
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.client import Client, PositionLostError
 from ingest.measures.measures import Measures
 from tests.deconflict.cluster.made_cluster import HOME, Broker, Machines, buses, face, needs_server, until
 from tests.deconflict.roles.made_service import Served, healthy

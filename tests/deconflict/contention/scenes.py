@@ -6,11 +6,11 @@ from math import atan2, hypot
 from random import Random
 from typing import Any
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.engine import Engine
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry

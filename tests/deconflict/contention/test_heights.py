@@ -2,8 +2,8 @@
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory, ContentionAdvisory
 from deconflict.settings.shared_places import Resource, Zone
+from deconflict_client.advisory import AnyAdvisory, ContentionAdvisory
 from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
 from tests.helpers.saying import robot
 

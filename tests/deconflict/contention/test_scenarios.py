@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
 from deconflict.settings.shared_places import Zone
+from deconflict_client.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
 from ingest.settings import Vendor
 from tests.deconflict.contention.scenes import (
     NOW_S,

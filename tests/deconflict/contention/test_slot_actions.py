@@ -3,7 +3,7 @@
 from typing import Any
 
 from deconflict.advice.actions.action_text import action_text
-from deconflict.advisory import Action, AnyAdvisory
+from deconflict_client.advisory import Action, AnyAdvisory
 from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
 from tests.helpers.saying import robot

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from math import pi
 from typing import Any
 
-from deconflict.advisory import ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
 from deconflict.settings.site import Conflict, Site
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry

@@ -7,12 +7,12 @@ from math import pi
 import numpy as np
 import pytest
 
-from deconflict.advisory import ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.engine.live_scene import MOST_VENDORS
 from deconflict.foresight.probability.pair_table import has_robot_of
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.sweep.contact_intervals import PairConflicts
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Pair
 from ingest.fleet.owners.vendor_registry import OTHER
 from ingest.measures.measures import Measures

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from deconflict.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ClaimAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ADVISORY, AdvisoryState, AnyAdvisory, ClaimAdvisory
 from ingest.batch import Batch
 from ingest.fleet.owners.ownership_claims import HELD_S, NAMED_ROBOTS
 from ingest.measures.measures import Measures

@@ -6,11 +6,11 @@ from math import cos, pi, sin
 
 import pytest
 
-from deconflict.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory, CrowdAdvisory
 from deconflict.contention.crowds.crowds import FEWEST, HELD_S
 from deconflict.engine.claim_lifecycle import CLEAR_AFTER_S
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
+from deconflict_client.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory, CrowdAdvisory
 from ingest.batch import Batch, Pair
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory, EncounterClass
 from tests.deconflict.engine.made_engine import NOW_S, SITE, Course, Floor, eastward, northward
 from tests.helpers.saying import HALL, LOFT, robot
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.engine.engine import COARSE_M, Engine
 from deconflict.engine.load_shedding import (
     EASY_S,
@@ -16,6 +15,7 @@ from deconflict.engine.load_shedding import (
 from deconflict.engine.shared_advisories import REDUCED_LOOK_S
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Forecasts
 from tests.deconflict.contention.scenes import resource
 from tests.deconflict.contention.scenes import site as floor_with

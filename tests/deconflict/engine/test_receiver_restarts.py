@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import Conflict, Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch, Ints
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry

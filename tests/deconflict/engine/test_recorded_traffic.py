@@ -9,9 +9,9 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.advisories.severity import SURE
-from deconflict.advisory import AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
+from deconflict_client.advisory import AdvisoryState
 from ingest.recording.log_reader import LogReader, Received
 from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render

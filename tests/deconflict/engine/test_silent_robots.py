@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import pytest
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
 from deconflict.foresight.presence.probably_left import PresenceChanges
 from deconflict.runtime.learned_state import Part, learned_of
 from deconflict.settings.site import Conflict, Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from tests.deconflict.foresight.presence.made_watch import DATUMS, DOOR_M, NOW_S, Watch, leave

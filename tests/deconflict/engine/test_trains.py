@@ -2,7 +2,7 @@
 
 import pytest
 
-from deconflict.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState
 from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.engine.made_engine import SITE, Floor, eastward, northward
 

@@ -6,10 +6,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
-from deconflict.advisories.situations.situation import Situation, SituationAdvice
-from deconflict.advisory import Action, ClearedCode, ConflictAdvisory, Location, moment
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Action, ClearedCode, ConflictAdvisory, Location, moment
+from deconflict_client.situations import Situation, SituationAdvice
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.situations import Situation
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from deconflict.advisory import Severity
 from deconflict.operator.vendor_health import vendor_health
+from deconflict_client.advisory import Severity
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import Served
 from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, until

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from deconflict.advisory import Severity
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import Severity
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.deconflict.operator.opened_page import CARDS, cleared, opened, shown, text, ticking, until, warning
 

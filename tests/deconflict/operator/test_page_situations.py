@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, Action, ClearedCode, Severity, moment
-from deconflict.operator.vendor_models import VendorHealth
+from deconflict_client.advisory import Acknowledgement, Action, ClearedCode, Severity, moment
+from deconflict_client.answers.vendor_models import VendorHealth
 from tests.deconflict.operator.http.served_face import Served
 from tests.deconflict.operator.opened_page import (
     CARDS,

@@ -1,7 +1,7 @@
 from datetime import UTC, datetime
 
 from deconflict.operator.vendor_health import vendor_health
-from deconflict.operator.vendor_models import ForecastError
+from deconflict_client.answers.vendor_models import ForecastError
 from ingest.measures import clock_changes
 from ingest.measures.change_detection import LevelChange
 from ingest.measures.measures import Labels, Measures

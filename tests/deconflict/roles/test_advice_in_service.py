@@ -10,9 +10,9 @@ from pathlib import Path
 
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import AdvisoryState
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.client import Client
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.client import Client
 from tests.deconflict.roles.made_service import Running, running
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, points, robot, status

@@ -10,8 +10,8 @@ from typing import Any
 from aiomqtt import Client
 from websockets.asyncio.client import connect
 
-from deconflict.advisories.situations.situation import REVISION, AnyRevision
-from deconflict.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import REVISION, AnyRevision
 from ingest.port.brokers.mqtt_source import MqttSource
 from tests.deconflict.operator.outlets.made_outlets import broker, needs_mosquitto
 from tests.deconflict.roles.made_service import SITE, drive, running

@@ -11,8 +11,8 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.roles.service import run_in_one_process
+from deconflict_client.situations import AnyRevision
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_queues import SITE, scripts
 from tests.helpers.patience import PATIENCE_S

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, AnyAdvisory
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
 from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.health import recording_health
+from deconflict_client.advisory import Acknowledgement, AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.recording import log_packing, log_rotation
 from ingest.recording.log_reader import LogReader, Tick

@@ -8,9 +8,9 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import ADVISORY, AdvisoryState
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import Conflict, Operator, Site
+from deconflict_client.advisory import ADVISORY, AdvisoryState
 from ingest.settings import Datum, Reading, ReceiverSettings, Vendor
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_abuses import (

@@ -12,9 +12,7 @@ from pathlib import Path
 import pytest
 from pydantic_core import to_json
 
-from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
@@ -26,6 +24,8 @@ from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.shared_places import NamedArea
 from deconflict.settings.site import Operator, Site, StoreSettings
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
+from deconflict_client.situations import Situation, situations_of
 from ingest.settings import Datum
 from metrics.monitoring.exposition import render
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict

@@ -14,13 +14,13 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 
 from deconflict.advice.requests import hold_requests
-from deconflict.advisories.situations.situation import REVISION, AnyRevision, advisories_of
-from deconflict.advisory import AdvisoryState
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.ledger.loss_routes import loss_keys
 from deconflict.roles.service import run_in_one_process
 from deconflict.settings.site import EngineSettings
+from deconflict_client.advisory import AdvisoryState
+from deconflict_client.situations import REVISION, AnyRevision, advisories_of
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.settings import Vendor
 from metrics.monitoring.exposition import combine, render

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advisory import ClearedCode
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.simulation.demo.demo_floor import DemoFloor
 from deconflict.simulation.driving.motion import Activity
 from deconflict.simulation.robot_state import robot_states
+from deconflict_client.advisory import ClearedCode
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from tests.helpers.made_advisories import START, made_advice
 
 ROBOTS, STEPS = 24, 300

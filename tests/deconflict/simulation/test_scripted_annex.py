@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from benchmarks.watch_demo.true_encounters import near_pairs
-from deconflict.advisory import AdvisoryState, AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site_file import load
@@ -15,6 +14,7 @@ from deconflict.simulation.demo.demo_site import demo_site
 from deconflict.simulation.participants import TUG, participants
 from deconflict.simulation.scripted_annex import CHARGER, FEWEST, ROLES, TRAIN, split
 from deconflict.simulation.vendors.dialects import DIALECTS
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from deconflict.adviser import Adviser, Request
-from deconflict.advisory import ClearedCode, Location, moment
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import fit_problems, load
 from deconflict.simulation.demo.advice_turns import ORDER, Saved, paired
@@ -17,6 +15,8 @@ from deconflict.simulation.demo.standoff_hall import standoff_site
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.robot_state import robot_states
 from deconflict.simulation.vendors.dialects import DIALECTS, GROUND_ID
+from deconflict_client.advisory import ClearedCode, Location, moment
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from ingest.batch import Floats
 from tests.helpers.made_advisories import START, made_advice
 

@@ -7,12 +7,12 @@ from math import cos, pi, sin
 from pathlib import Path
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AnyAdvisory
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.settings.shared_places import Zone
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.situations import Situation
 from ingest.languages.timestamps import write
 from ingest.recording.log_reader import LogReader
 from ingest.settings import Datum

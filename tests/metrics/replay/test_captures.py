@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AnyAdvisory
 from ingest.languages.timestamps import write
 from ingest.recording.log_reader import Event, LogReader, Received
 from ingest.settings import Datum

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.advisory import AdviceAnswer
 from deconflict.engine.engine import Engine
 from deconflict.settings.site import DEFAULT
+from deconflict_client.advisory import AdviceAnswer
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader, Tick
 from ingest.recording.recorder import Recorder

@@ -8,10 +8,10 @@ from random import Random
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT
+from deconflict_client.advisory import AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Event, LogReader, Received, Tick

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from jsonschema import Draft202012Validator
 
-from deconflict.advisories.situations.situation import REVISION
 from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict_client.situations import REVISION
 from ingest.languages import timestamps
 from tests.helpers.commands import run
 from tests.helpers.saying import identity, status

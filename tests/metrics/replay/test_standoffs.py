@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from deconflict.advisory import AdvisoryState, DeadlockAdvisory
+from deconflict_client.advisory import AdvisoryState, DeadlockAdvisory
 from tests.metrics.replay.made_standoffs import MASSROBOTICS, VDA5050, Standoff, found_in
 
 GOES_S = 45.0

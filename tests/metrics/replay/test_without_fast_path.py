@@ -13,7 +13,7 @@ import pytest
 from tests.metrics.replay.made_replays import log_of_a_crossing
 
 ROOT = Path(__file__).parents[3]
-PACKAGES = ("ingest", "deconflict", "metrics")
+PACKAGES = ("deconflict_client", "ingest", "deconflict", "metrics")
 
 
 def replayed(root: Path, log: Path, out: Path) -> tuple[dict[str, Any], bytes]:

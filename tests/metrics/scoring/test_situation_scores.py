@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import ClearedCode, moment
+from deconflict_client.advisory import ClearedCode, moment
+from deconflict_client.situations import Situation
 from ingest.batch import Pair
 from metrics.report.situation_section import sentence, situations
 from metrics.scoring.contention_scores import AlertOutcome

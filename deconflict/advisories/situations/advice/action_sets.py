@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
-from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advice.expected_loss import saves_time
 from deconflict.advisories.situations.advice.stakes import SERVICE_REACTION_S, preventable_cost_of
-from deconflict.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
+from deconflict_client.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation
+from deconflict_client.situations import MOST_ACTIONS
 
 GO_FIRST = "go_first"
 PEOPLE_SAVE_S, PEOPLE_STAND_S = 10.0, 8.0

@@ -3,8 +3,8 @@
 from collections.abc import Collection
 
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import AdvisoryState, Severity
+from deconflict_client.advisory import AdvisoryState, Severity
+from deconflict_client.situations import Situation
 
 
 class AdvisedRobots:

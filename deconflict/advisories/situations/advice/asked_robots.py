@@ -6,7 +6,7 @@ request, or what one has accepted without effect.
 
 from collections.abc import Iterable, Sequence
 
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AdvisoryState,
     AnyAdvisory,
     BlockageAdvisory,
@@ -14,7 +14,7 @@ from deconflict.advisory import (
     ConflictAdvisory,
     DeadlockAdvisory,
 )
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory.robot_advice import RobotAdvice
 
 ACCEPTS_WITHIN_S = 10.0
 """People wait for so long after the first request that nobody has accepted; if all were declined, no longer."""

@@ -6,7 +6,7 @@ Pure.
 from math import inf
 
 from deconflict.advisories.severity import SEVERITIES
-from deconflict.advisory import Severity
+from deconflict_client.advisory import Severity
 
 BETWEEN_S = 60.0
 """People are asked for something new so long after the last time."""

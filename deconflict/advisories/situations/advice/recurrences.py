@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
 
-from deconflict.advisory import AdvisoryState, AnyAdvisory, BlockageAdvisory, ConflictAdvisory, DeadlockAdvisory
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, BlockageAdvisory, ConflictAdvisory, DeadlockAdvisory
 
 WITHIN_S = 600.0
 """Earlier times count if they ended within this time."""

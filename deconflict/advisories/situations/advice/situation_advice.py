@@ -12,8 +12,8 @@ from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_ACTION_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict.advisories.situations.advice.action_sets import GO_FIRST, PEOPLE_STAND_S, Proposal, key_of
 from deconflict.advisories.situations.advice.stakes import cost_of
-from deconflict.advisories.situations.situation import SituationAdvice
-from deconflict.advisory import Action, ActionKind, moment
+from deconflict_client.advisory import Action, ActionKind, moment
+from deconflict_client.situations import SituationAdvice
 
 STANDS_S = 4.0
 """Advice for programs stands for so long at least, unless its robot has left or its time is over."""

@@ -11,7 +11,7 @@ from deconflict.advice.actions.person_times import PERSON_REACTION_S
 from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.recurrences import Recurrence
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
     ClaimAdvisory,

@@ -11,12 +11,12 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from pathlib import Path
 from threading import Lock
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import FileConnections, SqliteConnections, begun
 from deconflict.operator.store.tables import StoreError, last_seq
+from deconflict_client.situations import AnyRevision
 
 log = logging.getLogger(__name__)
 

@@ -13,11 +13,11 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import ADVISORY_KINDS, EVERY_KIND, ClearedCode
 from deconflict.operator.store import tables
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
+from deconflict_client.advisory import ADVISORY_KINDS, EVERY_KIND, ClearedCode
+from deconflict_client.situations import AnyRevision
 from ingest.recording.plain_files import unfit_database
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ import pytest
 
 from deconflict.advice.conflict_advice import NO_LONGER_WORKS, advise_conflicts
 from deconflict.advice.holds.hold_windows import DelayWindows
-from deconflict.advisory import Action, Recommendation
+from deconflict_client.advisory import Action, Recommendation
 from ingest.shapes import Shape, Trailer, shapes_of
 from tests.deconflict.advice.made_near import WINDOW, SeenRobot, eastward, held_s, near, northward
 from tests.helpers.made_encounters import robot

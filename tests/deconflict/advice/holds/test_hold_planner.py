@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from deconflict.advice.conflict_advice import advise_conflicts
 from deconflict.advice.holds.hold_windows import SHORTEST_HOLD_S, STEP_S, DelayWindows, HoldWindow
-from deconflict.advisory import Hold, Recommendation
 from deconflict.settings.site import Advice
+from deconflict_client.advisory import Hold, Recommendation
 from ingest.batch import Pair
 from tests.deconflict.advice.made_near import SeenRobot, group_plan, near
 from tests.helpers.made_encounters import NOW_S, robot

@@ -12,8 +12,8 @@ from deconflict.advice.deferred_answers import ANSWER_AFTER_S, Answer, PendingAn
 from deconflict.advice.holds.hold_windows import NearbyRobots
 from deconflict.advice.requests.hold_requests import MOST_PAIRS, PAIRS_PER_S, HoldRequests
 from deconflict.advice.vendor_burden import Burden
-from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation, moment
 from deconflict.engine.engine import Engine
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation, moment
 from ingest.batch import Pair
 from ingest.measures.measures import Measures
 from tests.deconflict.advice.made_near import near, until_advised

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import (
+from deconflict_client.advisory import (
     Action,
     AnyAdvisory,
     BlockageAdvisory,
@@ -19,7 +18,8 @@ from deconflict.advisory import (
     Wait,
     moment,
 )
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import Situation
 from tests.helpers.made_advisories import made, made_advice
 from tests.helpers.saying import HALL
 

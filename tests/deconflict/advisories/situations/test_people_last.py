@@ -10,12 +10,12 @@ from deconflict.advisories.situations.advice.asked_robots import (
 )
 from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, PeopleTurns
 from deconflict.advisories.situations.people_last import PeopleLast
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import Situation
 from ingest.settings import Vendor
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,

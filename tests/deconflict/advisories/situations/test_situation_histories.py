@@ -8,13 +8,12 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deconflict.advice.document_limits import MOST_ACTIONS
 from deconflict.advisories.situations.advice.stakes import stakes_of
 from deconflict.advisories.situations.grouping import NEAR_M
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle, is_worth
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
+from deconflict_client.situations import MOST_ACTIONS, Situation
 from tests.deconflict.advisories.situations.made_situations import action, advice
 from tests.helpers.made_advisories import made
 

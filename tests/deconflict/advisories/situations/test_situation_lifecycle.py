@@ -1,9 +1,9 @@
 """When situations are raised, updated, joined, split and cleared."""
 
 from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
-from deconflict.advisories.situations.situation import REVISION, Situation
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
-from deconflict.advisory import AdvisoryState, ClearedCode, EncounterClass, Severity, moment
+from deconflict_client.advisory import AdvisoryState, ClearedCode, EncounterClass, Severity, moment
+from deconflict_client.situations import REVISION, Situation
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.advisories.words.words import Spot
-from deconflict.advisory import AdvisoryState, AnyAdvisory
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory
 from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict

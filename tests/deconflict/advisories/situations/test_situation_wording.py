@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
-from deconflict.advisory import AnyAdvisory, ClearedCode, moment
+from deconflict_client.advisory import AnyAdvisory, ClearedCode, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,

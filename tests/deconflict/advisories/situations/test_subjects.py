@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle
-from deconflict.advisory import AnyAdvisory, ClearedCode
+from deconflict_client.advisory import AnyAdvisory, ClearedCode
+from deconflict_client.situations import Situation
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     blockage,

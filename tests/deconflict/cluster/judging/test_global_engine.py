@@ -9,7 +9,6 @@ from typing import Any
 from websockets.asyncio.client import connect
 
 from deconflict.advice.deferred_answers import answer_at_once
-from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.stream_writer import StreamWriter
@@ -17,6 +16,7 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import end_tasks
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.tiles.tile_channels import EVERY
+from deconflict_client.advisory import AdvisoryState
 from ingest.measures.measures import Measures, joined_values
 from ingest.port.connection import Connection
 from tests.deconflict.cluster.judging.made_fleet import fleet

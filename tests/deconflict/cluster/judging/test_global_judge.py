@@ -4,9 +4,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.engine.engine import Engine
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClaimAdvisory, ConflictAdvisory
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.ownership_claims import HELD_S

@@ -10,10 +10,10 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES
-from deconflict.advisory import AdvisoryState, ConflictAdvisory
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.probability.calibration import Calibration
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from metrics.monitoring.exposition import combine
 from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
 from tests.helpers.saying import HALL, LOFT

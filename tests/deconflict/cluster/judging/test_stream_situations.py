@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import Location, Severity, moment
 from deconflict.cluster.judging.stream_situations import StreamSituations
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Location, Severity, moment
+from deconflict_client.situations import AnyRevision, Situation
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import made
 

@@ -11,7 +11,6 @@ from nats.errors import MaxPayloadError
 from nats.js import JetStreamContext
 from nats.js.api import ConsumerConfig, ConsumerInfo
 
-from deconflict.advisory import AdvisoryState
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.nats.bus import Bus
@@ -23,6 +22,7 @@ from deconflict.cluster.nats.subscriptions import BUS_ERRORS, since_lately
 from deconflict.cluster.tiles.tiles import Tile
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState
 from ingest.measures.measures import Measures
 from ingest.settings import Reading
 from tests.deconflict.cluster.made_cluster import HOME, Broker, buses, needs_server, running

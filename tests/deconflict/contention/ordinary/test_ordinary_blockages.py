@@ -2,8 +2,8 @@
 
 import pytest
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.settings.shared_places import ContentionSettings
+from deconflict_client.advisory import AnyAdvisory
 from tests.deconflict.contention.scenes import Scene, Script, after_s, cleared, raised, site
 
 

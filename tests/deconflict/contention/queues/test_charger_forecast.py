@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.advisory import ContentionAdvisory
 from deconflict.contention.queues.charger_forecast import AHEAD_S, ChargingNeed, charger_shortages, more_than, pools
 from deconflict.contention.queues.queue_forecast import QueueEntry, forecast_queues
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.settings.shared_places import Resource
+from deconflict_client.advisory import ContentionAdvisory
 from tests.deconflict.contention.queues.made_driver import Driver, Levels
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
 from tests.helpers.saying import robot

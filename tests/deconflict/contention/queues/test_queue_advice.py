@@ -7,9 +7,9 @@ from threading import Event
 import pytest
 
 from deconflict.advice.deferred_answers import Answer, PendingAnswer, answer_at_once
-from deconflict.advisory import AnyAdvisory
 from deconflict.contention.queues.queue_advice import MOST_SOLVED
 from deconflict.engine.engine import Engine
+from deconflict_client.advisory import AnyAdvisory
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
 from tests.helpers.patience import PATIENCE_S
 

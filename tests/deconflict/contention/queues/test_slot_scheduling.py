@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deconflict.advisory import Recommendation
 from deconflict.contention.queues.place_group import PlaceGroup, PlaceQueue
 from deconflict.contention.queues.queue_forecast import ServiceRequest
 from deconflict.contention.queues.slot_scheduling import TIE_S, advise_slots
 from deconflict.settings.site import Advice
+from deconflict_client.advisory import Recommendation
 
 NOW_S = 1_790_000_000.0
 

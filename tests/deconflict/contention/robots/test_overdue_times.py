@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from deconflict.advisory import ContentionAdvisory
 from deconflict.contention.robots.arrival_forecast import ArrivalForecast
 from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, PRIOR_LATER, OverdueTimes, prior_left_s
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict_client.advisory import ContentionAdvisory
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, raised, resource, site
 from tests.helpers.saying import robot
 

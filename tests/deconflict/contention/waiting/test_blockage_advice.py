@@ -2,8 +2,8 @@
 
 import pytest
 
-from deconflict.advisory import Action, AnyAdvisory
 from deconflict.settings.shared_places import Resource
+from deconflict_client.advisory import Action, AnyAdvisory
 from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import Scene, Script, cleared, raised, resource, site
 

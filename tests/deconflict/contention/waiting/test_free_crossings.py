@@ -6,7 +6,7 @@ from deconflict.advice.actions.action_text import action_text
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.words.finding_words import mutual_wait
 from deconflict.advisories.words.words import RevisionWords
-from deconflict.advisory import Action, AdvisoryState, AnyAdvisory, DeadlockAdvisory
+from deconflict_client.advisory import Action, AdvisoryState, AnyAdvisory, DeadlockAdvisory
 from ingest.settings import Vendor
 from tests.deconflict.contention.scenes import NOW_S, cleared, raised, standoff
 from tests.helpers.saying import robot

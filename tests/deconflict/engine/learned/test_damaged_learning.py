@@ -11,10 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 import pytest
 
-from deconflict.advisory import ConflictAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import FORM, HEAD, Part, packed, unpacked
 from deconflict.settings.shared_places import Resource
+from deconflict_client.advisory import ConflictAdvisory
 from tests.deconflict.engine.learned.json_damages import json_damages
 from tests.deconflict.engine.made_engine import SITE, Course, Floor
 from tests.helpers.saying import HALL

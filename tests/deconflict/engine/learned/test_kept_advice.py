@@ -9,11 +9,11 @@ from deconflict.adviser.asked import UNABLE_S, Asked, Following
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.adviser.worth import YIELDED_HALF_LIFE_S, Worth
-from deconflict.advisory.robot_advice import YIELDED
 from deconflict.engine.engine import Engine
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.runtime.learned_state import Part, packed, unpacked
 from deconflict.settings.site import DEFAULT
+from deconflict_client.advisory.robot_advice import YIELDED
 from ingest.measures.measures import Measures
 from tests.deconflict.adviser.advised_floor import CANNOT, OBEYS, SILENT, AdvisedFloor
 from tests.deconflict.adviser.floors import START_S, face_to_face

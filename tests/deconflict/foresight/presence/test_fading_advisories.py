@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.conflict_wording import Absence
-from deconflict.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from deconflict.settings.site import Conflict
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns
 from tests.helpers.made_scene import MadeScene

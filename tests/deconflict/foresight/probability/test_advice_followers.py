@@ -5,9 +5,9 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from deconflict.advisory import ClearedCode, Hold, Recommendation, Slot
 from deconflict.foresight.probability.advice_followers import KEPT_S, AdviceFollowers, waits_until_s
 from deconflict.foresight.probability.pair_table import codes
+from deconflict_client.advisory import ClearedCode, Hold, Recommendation, Slot
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_advisories import ROBOTS, START, made
 from tests.helpers.made_encounters import NOW_S

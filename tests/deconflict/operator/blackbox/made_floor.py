@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from math import pi, sin
 from pathlib import Path
 
-from deconflict.advisory import AnyAdvisory
 from deconflict.engine.engine import Engine
 from deconflict.operator.blackbox.archive import FOLDER, Archive, Box
 from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest, BoxSpan, LearnedSnapshot, NearPair
@@ -14,6 +13,7 @@ from deconflict.operator.store.store import Store
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import BlackBox, Site
+from deconflict_client.advisory import AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.recorder import Recorder, quantise

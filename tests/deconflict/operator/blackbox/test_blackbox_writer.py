@@ -11,6 +11,7 @@ from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.answers.blackbox_models import KeptBlackBox
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -20,6 +21,7 @@ from ingest.settings import RecorderSettings
 from tests.deconflict.operator.blackbox.made_floor import NOW_S, Floor, crossing, lived
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, robot
+from tests.helpers.typed_answers import left_out
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,7 @@ def test_a_near_miss_has_its_facts_and_the_delay_that_would_have_avoided_it(box:
         robot("A-1"): "Alder A-1",
         robot("B-1"): "Alder B-1",
     }
+    assert not left_out(KeptBlackBox, box)
     assert 0 < miss["separation_m"] < miss["clearance_m"]
     delays = {row["name"]: row["later_s"] for row in miss["avoided_by"]}
     assert 0 < delays["Alder B-1"] <= 0.5, "the one behind need have been only a little later"

@@ -10,13 +10,12 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from deconflict.advisories.situations.situation import AnyRevision
 from deconflict.operator.blackbox.archive import Archive
 from deconflict.operator.http.api import create_app
 from deconflict.operator.http.api_sources import SourceUnavailableError
-from deconflict.operator.http.uvicorn_server import OperatorServer, create_server
+from deconflict.operator.http.server.uvicorn_server import OperatorServer, create_server
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.operator.store.publisher import Publisher
@@ -24,15 +23,33 @@ from deconflict.operator.store.store import Store
 from deconflict.runtime.rpc import LinkDownError
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import LossSettings, Operator, Site
+from deconflict_client.answers.loss_models import LossList
+from deconflict_client.situations import AnyRevision
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
 
+HEARD: dict[str, Any] = {
+    "name": "Tug 1",
+    "language": "massrobotics",
+    "participant": "robot",
+    "source": "127.0.0.1",
+    "examined": True,
+    "compared": False,
+    "not_compared_reason": "its position names no map",
+    "identified": False,
+    "presence": "present",
+    "clock": {"offset_s": 0.0, "delay_s": 0.25},
+    "deviations": {},
+    "odd_values": [],
+    "sizes": [],
+    "still_there": 1.0,
+}
 ROBOT_DOCUMENTS: list[dict[str, Any]] = [
-    {"uuid": "0c5b4a7e-0000-4000-8000-000000000001", "vendor": "Acme", "age_s": 0.5},
-    {"uuid": "0c5b4a7e-0000-4000-8000-000000000002", "vendor": "Borealis", "age_s": float("inf")},
+    {"uuid": "0c5b4a7e-0000-4000-8000-000000000001", "vendor": "Acme", "age_s": 0.5, **HEARD},
+    {"uuid": "0c5b4a7e-0000-4000-8000-000000000002", "vendor": "Borealis", "age_s": float("inf"), **HEARD},
 ]
 
 

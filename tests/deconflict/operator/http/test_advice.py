@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import ClearedCode
 from deconflict.settings.site import Person
+from deconflict_client.advisory import ClearedCode
 from tests.deconflict.operator.http.served_face import served
 from tests.helpers.made_advisories import START, made, made_advice, situation
 from tests.helpers.plain_http import http_client

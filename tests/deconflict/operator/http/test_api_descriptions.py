@@ -6,8 +6,8 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from deconflict.advisory import Severity
 from deconflict.operator.http.api_descriptions import asyncapi, openapi
+from deconflict_client.advisory import Severity
 from tests.helpers.made_advisories import deadlock, made, situation
 from tests.helpers.node_libraries import ENVIRONMENT, needs_library
 

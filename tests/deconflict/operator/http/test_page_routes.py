@@ -12,11 +12,12 @@ import httpx
 import pytest
 from websockets.asyncio.client import connect
 
-from deconflict.advisory import Location
 from deconflict.operator.http.page_routes import page_files, site_document
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
+from deconflict_client.advisory import Location
+from deconflict_client.answers.site_models import SiteMap
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from tests.deconflict.operator.http.served_face import GivenSources, Served, served, stuck_subscriber, until
@@ -25,6 +26,7 @@ from tests.helpers.made_site import written
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot, status
+from tests.helpers.typed_answers import left_out
 
 NOW_S = 1_792_000_000.0
 DEMO = Path(__file__).parents[4] / "deconflict" / "settings" / "sites" / "demo.toml"
@@ -66,6 +68,7 @@ def test_no_module_of_the_page_creates_markup_from_data() -> None:
 
 def test_the_site_has_its_floors_in_order_and_the_places_on_them() -> None:
     document = site_document(load(DEMO))
+    assert not left_out(SiteMap, document)
     assert [floor["name"] for floor in document["floors"]] == ["Ground hall", "Mezzanine"]
     assert {mark["name"] for mark in document["floors"][0]["marks"]} >= {"Column A1", "Column C5"}
     floors = {floor["id"] for floor in document["floors"]}

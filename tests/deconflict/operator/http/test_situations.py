@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.situations.situation import Situation
-from deconflict.advisory import Severity
+from deconflict_client.advisory import Severity
+from deconflict_client.situations import Situation
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.helpers.made_advisories import ROBOTS, cleared_situation, made, situation
 from tests.helpers.plain_http import http_client

@@ -10,8 +10,9 @@ import pytest
 
 from deconflict.operator.ledger.ledger_formats import UPGRADES
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
-from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S, LossRow
+from deconflict.operator.ledger.loss_questions import DAY_S, HOUR_S
 from deconflict.settings.site import LossSettings
+from deconflict_client.answers.loss_models import LossRow
 from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED, START_S, question
 
 

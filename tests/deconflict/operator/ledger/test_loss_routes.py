@@ -1,13 +1,16 @@
 """`GET /losses`."""
 
+import json
+
 import httpx
 import pytest
 from fastapi import FastAPI
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.settings.site import LossSettings
+from deconflict_client.answers.loss_models import LossList
 from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, START_S
 
 SPAN = {"from_s": START_S, "until_s": START_S + 86400}
@@ -21,7 +24,10 @@ async def client() -> httpx.AsyncClient:
     async def ask(question: LossQuestion) -> LossList:
         return ledger.ask(question)
 
-    add_loss_routes(app, ask)
+    async def unknown(**names: str | None) -> dict[str, str]:
+        return {parameter: f"no {name}, ö" for parameter, name in names.items() if name}
+
+    add_loss_routes(app, ask, unknown)
     return httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://face")
 
 
@@ -56,3 +62,13 @@ async def test_csv_has_no_text_that_a_spreadsheet_takes_for_a_formula(client: ht
     figures = "lost_s,over_usual_s,sure_s,warned_s,advised_s,heeded_s,losses,cost,refusals,refused_s,unable,unable_s"
     assert text.splitlines()[0] == f"vendor,{figures}"
     assert "'=1+1,8.0,6.0,8.0,8.0,8.0,0.0,1,,0,0.0,0,0.0" in text.splitlines()
+
+
+async def test_a_name_that_nobody_has_is_named_where_nothing_is_found(client: httpx.AsyncClient) -> None:
+    nobody = SPAN | {"by": "Nobody"}
+    assert (await client.get("/losses", params=nobody)).json()["unknown"] == {"by": "no Nobody, ö"}
+    table = await client.get("/losses", params=nobody | {"format": "csv"})
+    assert json.loads(table.headers["deconflict-unknown"]) == {"by": "no Nobody, ö"}
+    assert len(table.text.splitlines()) == 1
+    found = await client.get("/losses", params=SPAN | {"vendor": "Alder"})
+    assert "unknown" not in found.json()

@@ -10,11 +10,11 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 from websockets.frames import Frame, Opcode
 
-from deconflict.advisories.situations.situation import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
-from deconflict.advisory import EVERY_KIND
-from deconflict.operator.http.server_protocols import WebSocketProtocol
+from deconflict.operator.http.server.server_protocols import WebSocketProtocol
 from deconflict.operator.store.publisher import MOST_LINES, PublishedPage
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import EVERY_KIND
+from deconflict_client.situations import BAD_AFTER, BAD_KINDS, POSITION_LOST, STORE_FAILED
 from tests.deconflict.operator.http.served_face import Served, served, stuck_subscriber, until
 from tests.helpers.made_advisories import START, cleared, cleared_situation, deadlock, made, situation
 

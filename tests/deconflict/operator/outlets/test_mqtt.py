@@ -6,13 +6,13 @@ from pathlib import Path
 
 from aiomqtt import Client
 
-from deconflict.advisories.situations.situation import REVISION
-from deconflict.advisory import KindChoice
 from deconflict.operator.outlets.mqtt import MqttOutlet, messages_of
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.store.publisher import PublishedLine, Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt
+from deconflict_client.advisory import KindChoice
+from deconflict_client.situations import REVISION
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_mosquitto, retained, working
 from tests.deconflict.roles.made_service import free_ports

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import Acknowledgement
 from deconflict.operator.store.recovery.reserved_numbers import BLOCK
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.sqlite_connections import FILE_NAME, DamagedStoreError
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import Acknowledgement
 from tests.deconflict.operator.store.made_damage import PAGE_BYTES, damage, page, page_of
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
 

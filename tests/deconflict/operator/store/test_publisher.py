@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisory import Acknowledgement
 from deconflict.operator.store.listings import Page
 from deconflict.operator.store.publisher import MOST_LINES, TAIL_LENGTH, PublishedLine, PublishedPage, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict_client.advisory import Acknowledgement
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S

@@ -7,10 +7,10 @@ from threading import Thread
 
 import pytest
 
-from deconflict.advisory import Acknowledgement, ClearedCode, Hold, Recommendation
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
+from deconflict_client.advisory import Acknowledgement, ClearedCode, Hold, Recommendation
 from tests.deconflict.operator.store.reopened_store import reopened
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made, situation
 

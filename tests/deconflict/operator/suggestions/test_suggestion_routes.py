@@ -6,9 +6,10 @@ import httpx
 from fastapi import FastAPI
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import LossList, LossQuestion
+from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
 from deconflict.settings.site import LossSettings
+from deconflict_client.answers.loss_models import LossList
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.suggestions.made_evidence import HOURS, SITE, START_S, every_hour, loss
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deconflict.advisory import ADVISORY
 from deconflict.operator.ledger.loss_ledger import LedgerEntry
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.store import Store
@@ -21,6 +20,7 @@ from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.settings.site import Operator, Site
+from deconflict_client.advisory import ADVISORY
 from ingest.measures.measures import Measures
 from metrics.monitoring.exposition import render
 from tests.deconflict.operator.http.served_face import until

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation, situations_of
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
-from deconflict.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, moment
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store import store as stores
 from deconflict.operator.store.publisher import Publisher
@@ -19,6 +17,8 @@ from deconflict.roles.engine_link.restoration import open_revisions
 from deconflict.runtime.set_asides import SET_ASIDE, SetAsides
 from deconflict.settings.shared_places import NamedArea
 from deconflict.settings.site import Site
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode, Location, moment
+from deconflict_client.situations import AnyRevision, Situation, situations_of
 from ingest.measures.measures import Measures
 from ingest.settings import Datum
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict

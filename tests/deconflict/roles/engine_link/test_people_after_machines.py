@@ -6,15 +6,15 @@ import pytest
 
 from deconflict.advisories.situations.advice.asked_robots import ACCEPTS_WITHIN_S
 from deconflict.advisories.situations.advice.people_turns import BETWEEN_S
-from deconflict.advisories.situations.situation import Situation, situations_of
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import Acknowledgement, ClearedCode, Severity, moment
-from deconflict.advisory.robot_advice import RobotAdvice
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.settings.site import Site
+from deconflict_client.advisory import Acknowledgement, ClearedCode, Severity, moment
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.situations import Situation, situations_of
 from ingest.measures.measures import Measures
 from tests.deconflict.adviser.advised_floor import CANNOT, SILENT, UNBEGUN, AdvisedFloor, Reply, forward
 from tests.deconflict.adviser.floors import START_S, Robot, before_crossing, face_to_face

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.advisories.situations.situation import AnyRevision
-from deconflict.advisory import ConflictAdvisory
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link import restoration
 from deconflict.roles.engine_link.restoration import StoredState, open_revisions, stored_state
@@ -19,6 +17,8 @@ from deconflict.runtime.parcels import unpacked_parcel
 from deconflict.runtime.rpc import Caller
 from deconflict.runtime.set_asides import SET_ASIDE, SetAsides
 from deconflict.settings.site import Operator, Site
+from deconflict_client.advisory import ConflictAdvisory
+from deconflict_client.situations import AnyRevision
 from ingest.measures.measures import Measures
 from metrics.monitoring.exposition import render
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation

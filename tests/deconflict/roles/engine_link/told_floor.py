@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from deconflict.advisories.situations.situation import Situation, situations_of
-from deconflict.advisory import Acknowledgement, moment
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link.live_situations import LiveSituations
+from deconflict_client.advisory import Acknowledgement, moment
+from deconflict_client.situations import Situation, situations_of
 from ingest.measures.measures import Measures
 from tests.deconflict.adviser.advised_floor import AdvisedFloor
 from tests.deconflict.adviser.floors import START_S

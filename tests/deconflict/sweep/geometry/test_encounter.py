@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Point
 
-from deconflict.advisory import EncounterClass
 from deconflict.sweep.geometry.encounter import CLASSES, Row, encounter, envelope, separation_m
 from deconflict.sweep.geometry.pose import pose_at
 from deconflict.sweep.incremental import Sweeper
+from deconflict_client.advisory import EncounterClass
 from ingest.batch import Forecasts
 from tests.helpers.made_encounters import NOW_S, wanderer
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import pytest
 
-from deconflict.advisory import ConflictAdvisory, Recommendation
 from deconflict.sweep.geometry.heights import at_one_height, largest_group_at_one_height
+from deconflict_client.advisory import ConflictAdvisory, Recommendation
 from tests.deconflict.contention.scenes import Scene, Script, site
 from tests.helpers.saying import robot
 

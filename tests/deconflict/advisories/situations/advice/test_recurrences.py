@@ -3,9 +3,9 @@
 from typing import Any
 
 from deconflict.advisories.situations.advice.recurrences import OFTEN, WITHIN_S
-from deconflict.advisories.situations.situation import Situation
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.advisory import ClearedCode, DeadlockAdvisory, EncounterClass, Severity, moment
+from deconflict_client.advisory import ClearedCode, DeadlockAdvisory, EncounterClass, Severity, moment
+from deconflict_client.situations import Situation
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,

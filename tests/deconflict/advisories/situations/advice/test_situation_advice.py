@@ -4,8 +4,8 @@ from collections.abc import Collection
 
 from deconflict.advisories.situations.advice.action_sets import PEOPLE_NOTICE_S, PEOPLE_STAND_S, proposal_of
 from deconflict.advisories.situations.advice.situation_advice import STANDS_S, revised_advice
-from deconflict.advisories.situations.situation import SituationAdvice
-from deconflict.advisory import AnyAdvisory, EncounterClass, moment
+from deconflict_client.advisory import AnyAdvisory, EncounterClass, moment
+from deconflict_client.situations import SituationAdvice
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,

@@ -4,7 +4,7 @@ import pytest
 
 from deconflict.advice.actions.person_times import PERSON_REACTION_S
 from deconflict.advisories.situations.advice.stakes import LASTS_S, stakes_of, urgency_of_stakes
-from deconflict.advisory import Severity
+from deconflict_client.advisory import Severity
 from tests.deconflict.advisories.situations.made_situations import NOW_S, advice, blockage, conflict, queue
 
 

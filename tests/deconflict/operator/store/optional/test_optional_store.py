@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, read_only, remove
-from deconflict.advisory import EVERY_KIND, Acknowledgement, ClearedCode
 from deconflict.operator.store.optional import stand_in
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.optional.stand_in import STEP
@@ -19,6 +18,7 @@ from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import EVERY_KIND, Acknowledgement, ClearedCode
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.store.made_damage import damage, page
 from tests.helpers.made_advisories import START, cleared, made, situation

@@ -9,7 +9,6 @@ from threading import Event
 import pytest
 
 from benchmarks.faulty_files.faults import locked
-from deconflict.advisory import EVERY_KIND
 from deconflict.operator.store import publisher as publishing
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.optional.stand_in import STEP
@@ -19,6 +18,7 @@ from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import EVERY_KIND
 from ingest.measures.measures import Measures
 from tests.helpers.made_advisories import cleared, made
 

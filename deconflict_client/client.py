@@ -10,7 +10,7 @@ import asyncio
 import json
 import ssl
 from collections.abc import AsyncGenerator, AsyncIterator, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, overload
@@ -20,7 +20,15 @@ import httpx
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from deconflict.advisories.situations.situation import (
+from deconflict_client.advisory import ADVISORY, AdviceAnswer, AnyAdvisory, KindChoice
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.api_models import AdviceList
+from deconflict_client.answers.blackbox_models import BlackBoxList, KeptBlackBox
+from deconflict_client.answers.health_models import ServiceHealth
+from deconflict_client.answers.robot_models import HeardRobot, RobotList
+from deconflict_client.answers.site_models import SiteMap
+from deconflict_client.answers.vendor_models import VendorHealth, VendorList
+from deconflict_client.situations import (
     BAD_KINDS,
     POSITION_LOST,
     REVISION,
@@ -28,15 +36,13 @@ from deconflict.advisories.situations.situation import (
     Listing,
     Situation,
 )
-from deconflict.advisory import ADVISORY, AdviceAnswer, AnyAdvisory, KindChoice
-from deconflict.advisory.robot_advice import RobotAdvice
-from deconflict.operator.http.api_models import AdviceList
-from deconflict.operator.vendor_models import VendorHealth, VendorList
 
 MOST_LISTED = 10_000
 BACKOFF_S = (0.2, 10.0)
 """First and longest wait before a lost stream is opened again."""
 CLOSED_BY_POLICY = 1008
+DEGRADED = 503
+"""Status of the health of a service that is degraded."""
 
 
 class ClientError(Exception):
@@ -52,7 +58,7 @@ class UntrustedError(ClientError):
 
 
 class NoSuchAdvisoryError(ClientError):
-    """The advisory is not stored, or has been removed."""
+    """What was asked for by its id or name is not known, or has been removed."""
 
 
 class PositionLostError(ClientError):
@@ -72,6 +78,8 @@ class AdviceListing:
     """The newest revision of each, newest first."""
     more: bool
     """Whether the limit left some out."""
+    unknown: dict[str, str] = field(default_factory=dict)
+    """By parameter of the filter whose name nobody known has, a sentence on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +146,10 @@ class Client:
         """What is asked of the robots of a vendor, or of all, newest first, and the stream's position: follow
         `kinds=["advice"]` from there. Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
-        found = AdviceList.model_validate(_json(await self._http.get("/advice", params={"limit": MOST_LISTED})))
+        parameters = {"limit": str(MOST_LISTED)} | _given(vendor)
+        found = AdviceList.model_validate(_json(await self._http.get("/advice", params=parameters)))
         asked = [each for each in found.advice if vendor in (None, each.vendor)]
-        return AdviceListing(seq=found.seq, advice=asked, more=found.more)
+        return AdviceListing(seq=found.seq, advice=asked, more=found.more, unknown=found.unknown)
 
     async def answer(self, advice_id: str, answer: AdviceAnswer, *, why: str = "", name: str = "") -> RobotAdvice:
         """Answer advice for a robot: accepted, declined and why, or done.
@@ -165,6 +174,43 @@ class Client:
         Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
         return VendorList.model_validate(_json(await self._http.get("/vendors"))).vendors
+
+    async def robots(self, vendor: str | None = None) -> RobotList:
+        """The robots of a vendor, or all, and whether nobody known has that name (`unknown`).
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        return RobotList.model_validate(_json(await self._http.get("/robots", params=_given(vendor))))
+
+    async def robot(self, uuid: str) -> HeardRobot:
+        """One robot.
+
+        Raises `NoSuchAdvisoryError` if it has not reported, `ClientError`, and `httpx.HTTPError` if the service can't
+        be reached.
+        """
+        return HeardRobot.model_validate(_json(await self._http.get(f"/robots/{uuid}")))
+
+    async def site(self) -> SiteMap:
+        """The floors, and what lies on them.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        return SiteMap.model_validate(_json(await self._http.get("/site")))
+
+    async def health(self) -> ServiceHealth:
+        """The state of the service and of its parts, also while it is degraded.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        answer = await self._http.get("/healthz")
+        return ServiceHealth.model_validate(answer.json() if answer.status_code == DEGRADED else _json(answer))
+
+    async def blackboxes(self) -> list[KeptBlackBox]:
+        """The black boxes that are kept, newest last.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        return BlackBoxList.model_validate(_json(await self._http.get("/blackboxes"))).blackboxes
 
     async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyRevision:
         """Acknowledge an advisory or a situation; everybody sees by whom and why.
@@ -221,6 +267,11 @@ async def _revisions(stream: ClientConnection) -> AsyncIterator[AnyRevision]:
             raise NotAllowedError(reason) from closed
         if code == BAD_KINDS:
             raise ClientError(reason) from closed
+
+
+def _given(vendor: str | None) -> dict[str, str]:
+    """The parameter of a filter, if there is one."""
+    return {} if vendor is None else {"vendor": vendor}
 
 
 def _json(response: httpx.Response) -> Any:

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from deconflict.advisory import Advisory, Location, Robot
-from ingest.verbs import Verb
+from deconflict_client.advisory import Advisory, Location, Robot
+from deconflict_client.verbs import Verb
 
 ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
 YIELDED = "deconflict_advice_yielded_seconds_total"

@@ -1,17 +1,19 @@
 """The documents that the HTTP API reads and returns."""
 
+import operator
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, StringConstraints
 
-from deconflict.advisories.situations.situation import AnyRevision, Situation
-from deconflict.advisory import AdviceAnswer, AnyAdvisory, Severity, SituationKind
-from deconflict.advisory.robot_advice import RobotAdvice
+from deconflict_client.advisory import AdviceAnswer, AnyAdvisory, Severity, SituationKind
+from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.answers.filter_models import Filtered
+from deconflict_client.situations import AnyRevision, Situation
 
 Document = dict[str, Any]
 
 
-class AdvisoryList(BaseModel):
+class AdvisoryList(Filtered):
     """The newest revision of each advisory that matches, newest first."""
 
     seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
@@ -25,7 +27,7 @@ class RevisionList(BaseModel):
     advisories: list[AnyRevision]
 
 
-class SituationList(BaseModel):
+class SituationList(Filtered):
     """The newest revision of each situation that matches, newest first."""
 
     seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
@@ -48,7 +50,7 @@ class Answer(BaseModel):
     reason: Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
 
 
-class AdviceList(BaseModel):
+class AdviceList(Filtered):
     """The newest revision of all advice that matches, newest first."""
 
     seq: int = Field(description="newest number at this moment; `/advisories/stream?after=` continues from it")
@@ -89,36 +91,30 @@ class Owned(BaseModel):
     before: str | None = Field(description="the owner before; null if there was none")
 
 
-class RobotList(BaseModel):
-    """Every known robot: what it reported, and how the service reads it."""
-
-    robots: list[Document]
-
-
 class QuarantineList(BaseModel):
     """The rejected messages that are kept, each with its rule and reason."""
 
     rejected: list[Document]
 
 
-class BlackBoxList(BaseModel):
-    """The black boxes that are kept, newest last: the near misses in each, and what would have avoided them."""
-
-    blackboxes: list[Document]
-
-
 class Reloaded(BaseModel):
     """The result of reading a changed site file."""
 
     applied: bool = Field(description="false if the file was refused; then the old settings stay in use")
+    detail: str = Field(default="", exclude_if=operator.not_, description="why it was refused; absent if it was not")
     problems: list[str] = Field(description="what to change in the file")
     needs_restart: list[str] = Field(description="changed keys that are in use only after a restart")
 
 
-class Problem(BaseModel):
+class RefusedRequest(BaseModel):
+    """Why there is no answer. Every answer with a status of 400 or above has it, except `/healthz`."""
+
+    detail: str = Field(description="one sentence for people; of a wrong parameter or body, what is wrong where")
+
+
+class Problem(RefusedRequest):
     """Why there is no answer, and the role that is the cause."""
 
-    detail: str
     role: str
 
 

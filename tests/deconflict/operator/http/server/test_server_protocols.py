@@ -11,7 +11,7 @@ import pytest
 import trustme
 from websockets.asyncio.client import connect
 
-from deconflict.operator.http.server_protocols import Places
+from deconflict.operator.http.server.server_protocols import Places
 from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served, until
@@ -24,7 +24,7 @@ from tests.ingest.security.made_tls import trusting, write
 async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.server_protocols.IDLE_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("deconflict.operator.http.server.server_protocols.IDLE_TIMEOUT_S", 0.5)
     begun = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     async with served(tmp_path) as face, connect(face.stream()) as following:
         host, port = face.address.split(":")
@@ -44,7 +44,7 @@ async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
 async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 3.0)
+    monkeypatch.setattr("deconflict.operator.http.server.uvicorn_server.HANDSHAKE_S", 3.0)
     authority = trustme.CA()
     write(authority, tmp_path)
     async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
@@ -66,8 +66,8 @@ async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
 async def test_tls_handshakes_of_an_address_that_never_end_make_room_for_those_of_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deconflict.operator.http.uvicorn_server.HANDSHAKE_S", 600.0)
-    monkeypatch.setattr("deconflict.operator.http.server_protocols.MOST_HANDSHAKES", 3)
+    monkeypatch.setattr("deconflict.operator.http.server.uvicorn_server.HANDSHAKE_S", 600.0)
+    monkeypatch.setattr("deconflict.operator.http.server.server_protocols.MOST_HANDSHAKES", 3)
     authority = trustme.CA()
     write(authority, tmp_path)
     async with served(tmp_path, tls=Tls(certificate=str(tmp_path / "site.pem"))) as face:
@@ -166,7 +166,7 @@ async def test_a_stream_of_a_signed_in_person_stays_while_others_take_every_plac
 
 
 async def test_who_reads_no_answer_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deconflict.operator.http.server_protocols.WRITE_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("deconflict.operator.http.server.server_protocols.WRITE_TIMEOUT_S", 0.3)
     async with served(tmp_path) as face:
         host, port = face.address.split(":")
         raw = socket.socket()

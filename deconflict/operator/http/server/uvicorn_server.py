@@ -8,7 +8,7 @@ from functools import partial
 import uvicorn
 from fastapi import FastAPI
 
-from deconflict.operator.http.server_protocols import HttpProtocol, WebSocketProtocol, count_refused
+from deconflict.operator.http.server.server_protocols import HttpProtocol, WebSocketProtocol, count_refused
 from ingest.port.connection_limits import max_open_files
 from ingest.port.connection_shares import Newcomers
 from ingest.security.certificates import Certificates

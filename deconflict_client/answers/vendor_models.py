@@ -40,17 +40,22 @@ class Flag(BaseModel):
     words: str
 
 
-class VendorOddValue(BaseModel):
-    """A place in a vendor's messages where they deviate from a rule."""
+class NamedOddValue(BaseModel):
+    """A place in the messages of a robot or vendor where they deviate from a rule."""
 
     rule: str
     path: str = Field(description="where it stands in the message")
     value: str = Field(description="the newest, as sent, in JSON; may be cut")
     reading: str = Field(description="how it is read")
     nearest: str = Field("", description="the key that was probably meant, if the standard does not have this one")
-    robots: int = Field(description="robots that sent it")
     count: int = Field(description="messages that had it")
     last_received: str
+
+
+class VendorOddValue(NamedOddValue):
+    """The same of all robots of a vendor."""
+
+    robots: int = Field(description="robots that sent it")
 
 
 class UncomparedRobot(BaseModel):

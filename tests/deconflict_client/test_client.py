@@ -10,8 +10,9 @@ import httpx
 import pytest
 import trustme
 
-from deconflict.advisory import AnyAdvisory
-from deconflict.client import (
+from deconflict.settings.site import Person
+from deconflict_client.advisory import AnyAdvisory
+from deconflict_client.client import (
     Client,
     ClientError,
     NoSuchAdvisoryError,
@@ -19,7 +20,6 @@ from deconflict.client import (
     PositionLostError,
     UntrustedError,
 )
-from deconflict.settings.site import Person
 from ingest.settings import Tls
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.helpers.made_advisories import START, cleared, cleared_situation, made, situation
@@ -178,8 +178,17 @@ async def test_an_unreachable_service_is_an_error() -> None:
             await subscriber.open()
 
 
-def test_the_client_loads_no_server_code() -> None:
-    servers = "{'fastapi', 'uvicorn', 'sqlite3', 'numpy', 'numba'}"
-    script = f"import sys, deconflict.client; print(*sorted({servers} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "not_needed"),
+    [
+        (
+            "deconflict_client.client",
+            {"deconflict", "fastapi", "ingest", "metrics", "numba", "numpy", "sqlite3", "uvicorn"},
+        ),
+        ("deconflict.client", {"fastapi", "ingest", "metrics", "numba", "numpy", "sqlite3", "uvicorn"}),
+    ],
+)
+def test_the_client_loads_no_server_code(module: str, not_needed: set[str]) -> None:
+    script = f"import sys, {module}; print(*sorted({not_needed} & set(sys.modules)))"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.split() == []

@@ -1,0 +1,1 @@
+"""The server below the HTTP application: its protocols, and places for connections."""

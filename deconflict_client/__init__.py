@@ -1,0 +1,1 @@
+"""A client of amr-deconflict, and the models of what the service publishes. It needs nothing of the service itself."""

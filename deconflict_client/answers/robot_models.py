@@ -1,0 +1,88 @@
+"""Robots as `GET /robots` returns them: what each reported, and how the service reads it."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, Field
+
+from deconflict_client.answers.filter_models import Filtered
+from deconflict_client.answers.vendor_models import NamedOddValue
+
+
+class RobotClock(BaseModel):
+    """The estimate for a robot's clock and connection."""
+
+    offset_s: float = Field(description="our time minus the robot's; negative if its clock is fast")
+    delay_s: float = Field(description="from the time of a pose to its arrival")
+
+
+class RobotPosition(BaseModel):
+    """Where a robot was at its last status, in the frame of its floor."""
+
+    x: float = Field(description="metres")
+    y: float = Field(description="metres")
+    yaw_rad: float | None = Field(description="null if it does not report one")
+
+
+class RobotEnvelope(BaseModel):
+    """The box around a robot."""
+
+    length_m: float
+    width_m: float
+    height_m: float | None = Field(description="null if it is not known")
+
+
+class RobotForecast(BaseModel):
+    """Where a robot is expected to be."""
+
+    basis: str = Field(description="what it is made of: path, velocity, ...")
+    reach_m: float = Field(description="from its first pose to its last, as the crow flies")
+    knots: list[tuple[float, float, float, float | None]] = Field(
+        description="poses: seconds after `event_s`, x and y in metres, yaw in radians"
+    )
+
+
+class TakenOff(BaseModel):
+    """Why a silent robot counts as gone."""
+
+    at_s: float = Field(description="when another robot drove through its place, seconds since the epoch")
+    by: str = Field(description="name of the other robot")
+
+
+class HeardRobot(BaseModel):
+    """One robot. What depends on its position is null or absent until it has one."""
+
+    uuid: str
+    name: str
+    vendor: str
+    language: str = Field(description="standard of its messages")
+    participant: Literal["robot", "person"] = Field(description="what its vendor's devices stand for, by the site file")
+    source: str = Field(description="where its messages come from")
+    examined: bool = Field(description="whether it is compared with others as soon as it can be")
+    unexamined_reason: str | None = None
+    compared: bool
+    not_compared_reason: str | None = Field(None, description="why not, and what to send or set")
+    identified: bool = Field(description="whether it has sent an identity report")
+    presence: Literal["present", "quiet", "silent"]
+    age_s: float | None = Field(description="since its last status")
+    state: str | None = Field(None, description="as it reports it; null before its first status")
+    clock: RobotClock
+    deviations: dict[str, int] = Field(description="by rule, how many of its messages deviate")
+    odd_values: list[NamedOddValue] = Field(description="what shows the deviations, the newest first")
+    sizes: list[str] = Field(description="how sizes beyond `reading.largest_body_m` are read")
+    identity: dict[str, Any] | None = Field(None, description="its identity report, in its language")
+    status: dict[str, Any] | None = Field(None, description="its last status, in its language")
+    floor: str | None = Field(None, description="UUID of the datum in whose frame its position is")
+    comparable: bool | None = Field(None, description="whether its map has a place on a floor of the site")
+    location: RobotPosition | None = None
+    event_s: float | None = Field(None, description="time of its last status, seconds since the epoch")
+    doubt_m: float | None = Field(None, description="how far its position may be off")
+    envelope: RobotEnvelope | None = None
+    forecast: RobotForecast | None = None
+    still_there: float = Field(description="the probability that it is still on the floor")
+    taken_off: TakenOff | None = None
+
+
+class RobotList(Filtered):
+    """Every known robot that matches: what it reported, and how the service reads it."""
+
+    robots: list[HeardRobot]

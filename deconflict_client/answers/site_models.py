@@ -1,0 +1,83 @@
+"""The site as `GET /site` returns it: what a map shows below the robots, in metres in the frame of each floor."""
+
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+Corners = list[tuple[float, float]]
+
+
+class FloorMark(BaseModel):
+    """A reference point of a floor."""
+
+    id: str
+    name: str
+    x: float
+    y: float
+
+
+class FloorImage(BaseModel):
+    """The plan of a floor."""
+
+    image: str = Field(description="its address")
+    matrix: tuple[float, float, float, float, float, float] = Field(
+        description="from pixels to metres, like a canvas transform"
+    )
+
+
+class SiteFloor(BaseModel):
+    """A floor."""
+
+    id: str = Field(description="UUID of its datum")
+    name: str
+    level: int
+    marks: list[FloorMark]
+    plan: FloorImage | None
+
+
+class SitePlace(BaseModel):
+    """The outline of a resource or zone on one floor. A lift has one for each of its floors."""
+
+    id: str
+    name: str
+    kind: str
+    capacity: int
+    floor: str = Field(description="id of the floor")
+    polygon: Corners
+
+
+class SiteArea(BaseModel):
+    """A part of a floor with a name."""
+
+    name: str
+    floor: str = Field(description="id of the floor")
+    polygon: Corners
+
+
+class SiteObstacle(SiteArea):
+    """A rack, a wall or a machine."""
+
+    kind: str
+
+
+class SiteVendor(BaseModel):
+    """A vendor that the site file names."""
+
+    name: str
+    participant: Literal["robot", "person"] = Field(description="what its devices stand for")
+
+
+class SiteMap(BaseModel):
+    """The floors with their marks, resources, zones and obstacles, and the settings that the page shows."""
+
+    name: str
+    floors: list[SiteFloor] = Field(description="the lowest first")
+    places: list[SitePlace]
+    areas: list[SiteArea]
+    obstacles: list[SiteObstacle]
+    clearance_m: float
+    horizon_s: float
+    quiet_after_s: float
+    silent_after_s: float
+    vendors: list[SiteVendor]
+    sign_in: bool = Field(description="whether the site file names people")
