@@ -268,8 +268,9 @@ def parsed(line: bytes) -> Event:
 def _rare_event(line: str, document: dict[str, Any]) -> Event:
     """The event of a line that is not of the two frequent kinds."""
     if "tick" in document:
+        at_s = _time(document["tick"])
         followed = tuple((str(robot), str(other)) for robot, other in document.get("followed", ()))
-        return Tick(_time(document["tick"]), document.get("effort", 0), document.get("pending", 0), followed)
+        return Tick(at_s, document.get("effort", 0), document.get("pending", 0), followed)
     if "engine" in document:
         return EngineStarted(_time(document["at"]))
     if any(note in document for note in NOTES):

@@ -199,7 +199,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_probability_outcomes_total": counter(
         "Watched pairs, sampled each second, by outcome: met (the robots got in each other's way), passed (they "
-        "did not), or left (a robot became silent, or waits as advised: the outcome is not known).",
+        "did not), or left (a robot became silent, or follows advice: the outcome is not known).",
         "outcome",
     ),
     "deconflict_conflicts": gauge("Pairs of robots in predicted conflict, confirmed or not."),

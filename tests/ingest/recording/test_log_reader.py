@@ -77,6 +77,8 @@ def test_a_foreign_message_is_taken_as_it_stands(tmp_path: Path, line: str, mess
         b'"tick"',
         b'{"tick": 7}',
         b'{"tick": "now"}',
+        b'{"tick": "2009-11-17T10:00:21Z", "followed": 7}',
+        b'{"tick": "2009-11-17T10:00:21Z", "followed": ["a"]}',
         b'{"received": "2009-11-17T10:00:21Z"}',
         b'{"received": null, "message": {}}',
         b'{"received": "2009-11-17T10:00:21Z", "base64": "?"}',

@@ -141,21 +141,3 @@ def test_what_people_were_asked_for_stands_when_a_machine_is_asked_later() -> No
     for second in range(1, 15):
         situations.revise(NOW_S + second, [])
         assert asking(situations.open()) == [True]
-
-
-def test_what_people_are_asked_for_is_nothing_new_in_the_situation_that_it_joins() -> None:
-    def at(x_m: float) -> Location:
-        return Location(datum=HALL, x=x_m, y=0.0)
-
-    situations, second = lifecycle(), 1
-    aside = blockage("efg", location=at(30.0))
-    ring = deadlock("ab", location=at(0.0), recommendation=advice(action("a", "look")))
-    situations.revise(NOW_S, [aside])
-    situations.revise(NOW_S + second, [ring])
-    assert sorted(asking(situations.open())) == [False, True]
-    nearer = ring.next_revision(location=at(28.0))
-    while len(situations.open()) > 1:
-        second += 1
-        situations.revise(NOW_S + second, [nearer] if second == 7 else [])
-        assert True in asking(situations.open())
-    assert second < 30
