@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import status
 from tests.inventory import surface
 from tests.inventory.written_files import json_paths, written_lines
 
@@ -35,6 +36,7 @@ class Service:
 
     port: int
     """Of the operators."""
+    robots_port: int
 
     def get(self, path: str) -> httpx.Response:
         return self.ask("GET", path, ROLES[-1])
@@ -61,6 +63,7 @@ def live_lines(wanted: set[str]) -> set[str]:
         with _running(Path(folder)) as service:
             _wait(service.is_busy)
             seen = {*_roles(service), *_close_codes(service)}
+            _report_at_once(service)
             end_s, looks = time.monotonic() + LONGEST_S, 0
             while looks < LOOKS or (wanted - seen and time.monotonic() < end_s):
                 seen |= {*_answers(service), *_scrape(service)}
@@ -86,7 +89,7 @@ def _running(folder: Path) -> Iterator[Service]:
         _process(folder, "serve", str(site), *ports),
         _process(folder, "simulate", "--url", f"ws://127.0.0.1:{robots}", "--robots", "40"),
     ):
-        yield Service(people)
+        yield Service(people, robots)
 
 
 @contextmanager
@@ -108,6 +111,13 @@ def _wait(happened: Callable[[], bool]) -> None:
     while not happened():
         assert time.monotonic() < end_s, "the service has no robots and advisories; start `deconflict demo` and look"
         time.sleep(LOOK_S)
+
+
+def _report_at_once(service: Service) -> None:
+    """Send statuses of one robot faster than the engine reads them. Simulated robots report once a second."""
+    with connect(f"ws://127.0.0.1:{service.robots_port}/Corvid", proxy=None) as robot:
+        for _ in range(5):
+            robot.send(status("C-99", time.time()))
 
 
 def _roles(service: Service) -> Iterator[str]:
