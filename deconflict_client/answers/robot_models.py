@@ -31,6 +31,15 @@ class RobotEnvelope(BaseModel):
     height_m: float | None = Field(description="null if it is not known")
 
 
+class RobotDestination(BaseModel):
+    """Where a robot goes next, in the frame of that floor."""
+
+    floor: str | None = Field(description="UUID of its datum; null if the place is on no floor that is compared")
+    x: float = Field(description="metres")
+    y: float = Field(description="metres")
+    expected_s: float | None = Field(description="when, as the robot says, seconds since the epoch")
+
+
 class RobotForecast(BaseModel):
     """Where a robot is expected to be."""
 
@@ -65,6 +74,10 @@ class HeardRobot(BaseModel):
     presence: Literal["present", "quiet", "silent"]
     age_s: float | None = Field(description="since its last status")
     state: str | None = Field(None, description="as it reports it; null before its first status")
+    destination: RobotDestination | None = Field(None, description="null if it announces none")
+    battery_pct: float | None = Field(None, description="level of its battery; null if it does not report one")
+    run_time_left_s: float | None = Field(None, description="how much longer the battery lasts")
+    load_used_pct: float | None = Field(None, description="share of the load that it can carry")
     clock: RobotClock
     deviations: dict[str, int] = Field(description="by rule, how many of its messages deviate")
     odd_values: list[NamedOddValue] = Field(description="what shows the deviations, the newest first")

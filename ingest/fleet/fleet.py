@@ -63,7 +63,7 @@ class Fleet:
         """UUIDs of robots that were dropped since the last batch."""
         self.note_identity: Callable[[str], object] = lambda _: None
         """Called with the UUID of each robot that has another identity than before, or is kept no longer."""
-        self._placement = Placement(vendors, frames, reading)
+        self.placement = Placement(vendors, frames, reading)
         self._repeat_readers: RepeatReaders | None = None
         self.clock_changes, self.message_rates = ClockChanges(), MessageRates()
 
@@ -140,7 +140,7 @@ class Fleet:
             findings = self._update_identity(robot, message.sized_as(robot.identity), raw, arrival_s, connection)
         elif isinstance(message, Status):
             stamp = message.stamp_s, message.stamp_resolution_s
-            event_s, findings = self._placement.event_time(robot, *stamp, arrival_s)
+            event_s, findings = self.placement.event_time(robot, *stamp, arrival_s)
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         elif is_remembered and robot.seen:
             robot.is_outdated, self._changed[robot.uuid] = True, robot
@@ -154,7 +154,7 @@ class Fleet:
         """Process a status that may repeat the robot's last one. If it does not, it is read in full."""
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
-        event_s, findings = self._placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
+        event_s, findings = self.placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
         found, oddities = reader.read(scanned, event_s), reader.oddities
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
@@ -177,9 +177,9 @@ class Fleet:
         arrival_s: float,
     ) -> Rejection | None:
         """Why a message that could be read is not accepted. None if it is."""
-        if isinstance(message, Status) and self._placement.is_in_degrees(message):
+        if isinstance(message, Status) and self.placement.is_in_degrees(message):
             vendor = self.owners.vendor_of(message.uuid, robot, connection)
-            if rejection := self._placement.rejection(message, vendor):
+            if rejection := self.placement.rejection(message, vendor):
                 return rejection
         return self.owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
 
@@ -207,10 +207,10 @@ class Fleet:
         robot.shared_identity = shared_identity
         if not (before and known and identity.says_the_same(before) and shared_identity.is_sent_as(known)):
             self.note_identity(robot.uuid)
-        explained = self._placement.judge_size(robot)
+        explained = self.placement.judge_size(robot)
         self._forecast_again(robot, self.owners.names_as_uuid(connection))
         for other in filter(None, map(self.robots.get, explained)):
-            self._placement.judge_size(other)
+            self.placement.judge_size(other)
             self._forecast_again(other, self.owners.named_vendor(other))
         changed = before is not None and before.distinguishing != identity.distinguishing
         return (*(("identity-changed",) if changed else ()), *(robot.size.rules if robot.size else ()))
@@ -220,7 +220,7 @@ class Fleet:
     ) -> tuple[str, ...]:
         """Place and forecast the robot by its status, unless it already sent a newer one. Returns the deviations."""
         findings: tuple[str, ...] = ()
-        frame, sighting = self._placement.sighting(robot, status, event_s)
+        frame, sighting = self.placement.sighting(robot, status, event_s)
         if robot.seen:
             gap_s = arrival_s - robot.arrival_s
             findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
@@ -232,7 +232,7 @@ class Fleet:
         robot.amounts, robot.is_outdated = status.amounts, False
         self._note_newest(robot, raw, arrival_s, connection)
         self._changed[robot.uuid] = robot
-        return findings + self._placement.forecast(robot, status, frame, sighting, robot.seen)
+        return findings + self.placement.forecast(robot, status, frame, sighting, robot.seen)
 
     def _note_newest(self, robot: Robot, raw: bytes, arrival_s: float, connection: Connection) -> None:
         robot.status_raw, robot.arrival_s, robot.status_from = raw, arrival_s, connection
@@ -285,17 +285,17 @@ class Fleet:
     def reconfigure(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
         """Use other settings from now on. The last status of each robot is forecast again with them."""
         self.reading, self.site_floors = reading, frames.floors
-        self._placement.reconfigure(vendors, frames, reading)
+        self.placement.reconfigure(vendors, frames, reading)
         self.owners.reconfigure(vendors, reading.max_robots_per_vendor, self.robots.values())
         for robot in self.robots.values():
-            self._placement.judge_size(robot)
+            self.placement.judge_size(robot)
         for robot in self.robots.values():
             robot.context = robot.before = None
             self._forecast_again(robot, self.owners.named_vendor(robot))
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:
         """Forecast the robot from its last status, with its present identity and settings."""
-        if self._placement.forecast_again(robot, names_as_uuid):
+        if self.placement.forecast_again(robot, names_as_uuid):
             self._changed[robot.uuid] = robot
 
     def _reconsider(self) -> None:
@@ -304,7 +304,7 @@ class Fleet:
             robot.is_outdated, status = False, robot.newest_status(self.owners.named_vendor(robot))
             if robot.seen and robot.frame and status:
                 robot.state, robot.known_state = status.state, status.known_state
-                findings = self._placement.forecast(robot, status, robot.frame, robot.seen, None)
+                findings = self.placement.forecast(robot, status, robot.frame, robot.seen, None)
                 self.measures.count_each("deconflict_deviations_total", robot.vendor, robot.count(findings))
 
     def next_batch(self, now_s: float, everything: bool = False) -> Batch:
@@ -327,7 +327,7 @@ class Fleet:
         return self._batch([robot for robot in self.robots.values() if robot.forecast], now_s, ())
 
     def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
-        return batch(robots, now_s, self._placement.floor_ids, gone, self._claims.standing(now_s))
+        return batch(robots, now_s, self.placement.floor_ids, gone, self._claims.standing(now_s))
 
     def _forget_silent(self, now_s: float) -> tuple[str, ...]:
         """Forget the robots that were silent for too long. Returns their UUIDs, and those that were dropped before."""
@@ -343,7 +343,7 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
-        self._placement.forget(robot)
+        self.placement.forget(robot)
         self.note_identity(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

@@ -18,6 +18,7 @@ from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown import odd_values
 from ingest.fleet.shown.odd_values import OddValue
+from ingest.frames.floor_index import NOWHERE
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures import clock_changes
 from ingest.port.connection import Connection
@@ -93,6 +94,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "presence": presence(robot, fleet.reading, now_s),
         "age_s": round(_age_s(robot, now_s), 3),
         "state": robot.state,
+        **_doing(fleet, robot),
         "clock": {"offset_s": round(robot.clock.offset_s, 3), "delay_s": round(robot.clock.delay_s, 3)},
         "deviations": dict(sorted(robot.deviations.items())),
         "odd_values": [value.document() for value in _odd_values(fleet, robot)],
@@ -101,6 +103,23 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "status": _message(robot, robot.status_raw),
         **_placement(robot),
     }
+
+
+def _doing(fleet: Fleet, robot: Robot) -> dict[str, Any]:
+    """Where a robot goes next, and its amounts, as far as it says."""
+    return {
+        "destination": _destination(fleet, robot),
+        **{name: None if isnan(value) else round(value, 1) for name, value in robot.amounts._asdict().items()},
+    }
+
+
+def _destination(fleet: Fleet, robot: Robot) -> dict[str, Any] | None:
+    if not len(robot.stops):
+        return None
+    expected_s, x_m, y_m, floor = robot.stops[0].tolist()
+    shown_s = round(expected_s, 3) if isfinite(expected_s) else None
+    datum = None if int(floor) == NOWHERE else fleet.placement.floor_ids[int(floor)]
+    return {"floor": datum, "x": round(x_m, 3), "y": round(y_m, 3), "expected_s": shown_s}
 
 
 def _why_not_compared(fleet: Fleet, robot: Robot, now_s: float) -> NotCompared | None:

@@ -10,6 +10,8 @@ import { Filters } from "./list/filters.js";
 import { Live } from "./floor/live.js";
 import { FloorMap, swatch } from "./map/floor_map.js";
 import { Past } from "./floor/past.js";
+import { inside } from "./map/places.js";
+import { poseAt } from "./map/motion.js";
 import { involvedIn } from "./map/involved.js";
 import { read } from "./floor/reading.js";
 import { Shown } from "./floor/shown.js";
@@ -35,13 +37,14 @@ const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, a
 const shown = new Shown(live, feed);
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), now: $("live"), time: $("shown") }, shown, () => { list(); readHeat(); });
 let viewBefore = null; // what the map showed before it went to `of`, a situation or robot that somebody chose
+let followed = null; // the robot that the map stays with
 let moved = false; // whether somebody chose what the map shows; else it shows the whole floor
 const views = new Map(); // by floor, what it showed when somebody left it
 const extents = new Map(); // by floor, what its whole is
 const alarm = new Alarm();
 const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid) });
-const camera = new Camera($("map"), (byHand) => { if (byHand === true) [moved, viewBefore] = [true, null]; }, press);
-const box = new RobotBox($("detail"), () => { robotShown = null; lookBack(); });
+const camera = new Camera($("map"), byHand, press);
+const box = new RobotBox($("detail"), { hide: () => { robotShown = null; lookBack(); }, follow: () => { followed = followed ? null : robotShown; list(); } });
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(shown.situations.find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
@@ -55,6 +58,19 @@ function floors() {
   const known = site.floors.map((siteFloor) => siteFloor.id);
   const others = new Set([...shown.robots.values()].map((robot) => robot.floor).filter((id) => id !== null && !known.includes(id)));
   return [...site.floors, ...[...others].sort().map((id) => ({ id, name: nameOf(id), marks: [] }))];
+}
+
+function byHand(done) {
+  if (done) [moved, viewBefore] = [true, null];
+  if (done === "moved") followed = null;
+}
+
+// Keeps the robot that is followed in the middle of the map, also on another floor.
+function follow() {
+  const robot = shown.robots.get(followed);
+  if (!robot?.floor) return;
+  [floor, moved] = [robot.floor, true];
+  camera.centreOn(...poseAt(robot, shown.atS, []));
 }
 
 function open() { return shown.situations.filter((situation) => filters.matches(situation)); }
@@ -128,6 +144,7 @@ function draw(at) {
   setText($("clock"), clock(shown.atS));
   past.say();
   floor ??= floors()[0]?.id ?? null;
+  follow();
   const picture = scene();
   if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
   map.draw(picture);
@@ -162,7 +179,7 @@ function tabs() {
 }
 
 function show(id) {
-  viewBefore = null;
+  viewBefore = followed = null;
   if (floor !== id) {
     views.set(floor, moved && [camera.x, camera.y, camera.scale]);
     const view = views.get(id);
@@ -222,9 +239,15 @@ function distrusted(vendor) {
   return (live.health.distrusted ?? []).map((uuid) => live.robots.get(uuid)).filter((robot) => robot?.vendor === vendor).map(({ name }) => short(name, vendor));
 }
 
+// A point in words: the place that it lies in, or else its coordinates, and the floor if that is another one than the map's.
+function placeName({ floor: datum, x, y }) {
+  const place = site.places.find(({ floor: of, polygon }) => of === datum && inside(polygon, x, y));
+  return `${place ? place.name || place.id : `${x.toFixed(1)}, ${y.toFixed(1)}`}${datum === floor || !datum ? "" : `, ${floorName(datum)}`}`;
+}
+
 function showBox() {
   const robot = robotShown && shown.robots.get(robotShown);
-  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
+  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
 
 // New situations are announced politely, critical ones at once unless robots or other advice come first, also if somebody acknowledged them before they became critical.
@@ -256,6 +279,7 @@ function placeOf(uuid) { return shown.robots.get(uuid)?.knots.slice(1, 3); }
 
 // Shows some points of a floor, and at least `LEAST_SHOWN_M` around them.
 function lookAt(datum, points) {
+  followed = null;
   const [xs, ys] = [0, 1].map((axis) => points.map((place) => place[axis]));
   floor = datum;
   moved = true;
@@ -269,7 +293,7 @@ function visit(of, datum, points) {
 }
 
 function lookBack() {
-  chosen = null;
+  chosen = followed = null;
   if (viewBefore) {
     ({ floor, moved, view: [camera.x, camera.y, camera.scale] } = viewBefore);
     viewBefore = null;
@@ -288,6 +312,7 @@ function showRobot(id, uuid) {
   chosen = id;
   robotShown = uuid;
   if (robot?.floor) visit(uuid, robot.floor, [placeOf(uuid)]);
+  followed = uuid;
   $("map").scrollIntoView({ block: "nearest" });
   list();
 }
@@ -305,7 +330,7 @@ function acknowledgeOpen(situation) { if (situation && !shown.isPast) acknowledg
 
 function fit() {
   moved = false;
-  viewBefore = null;
+  viewBefore = followed = null;
   extents.delete(floor);
 }
 

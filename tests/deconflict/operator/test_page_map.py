@@ -1,5 +1,6 @@
 """Situations on the map of the operator's page, and what its filters show, in a real Chromium."""
 
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -7,9 +8,9 @@ import pytest
 from deconflict.operator.vendor_health import vendor_health
 from deconflict_client.advisory import Severity
 from ingest.measures.measures import Measures
-from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.http.served_face import HEARD, Served
 from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, until
-from tests.helpers.saying import robot
+from tests.helpers.saying import HALL, robot
 
 if TYPE_CHECKING:
     from playwright.async_api import Browser
@@ -152,6 +153,52 @@ async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: 
         await page.fill("#robot", robot("A-2")[:8])
         await page.keyboard.press("Enter")
         await until(page, f"document.getElementById('detail').textContent.includes('{robot('A-2')[:8]}')")
+
+
+async def test_a_search_that_finds_no_robot_or_several_says_so(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", "Nobody")
+        await page.keyboard.press("Enter")
+        await until(page, "document.getElementById('not-found').textContent === 'No robot has “Nobody” in its name.'")
+        await page.fill("#robot", "unknown")
+        assert not await text(page, "#not-found")
+        await page.keyboard.press("Enter")
+        await until(page, f"document.getElementById('not-found').textContent.startsWith('{ROBOTS} robots have')")
+        assert not await page.is_visible("#detail")
+
+
+async def test_a_robot_that_was_found_is_followed_until_the_map_is_moved_by_hand(
+    browser: "Browser", face: Served
+) -> None:
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await page.wait_for_selector('#detail .follow[aria-pressed="true"]')
+        await page.keyboard.press("Tab")
+        await page.focus("#map")
+        await page.keyboard.press("+")
+        await until(page, "document.querySelector('#detail .follow').ariaPressed === 'true'")
+        await page.keyboard.press("ArrowLeft")
+        await page.wait_for_selector('#detail .follow[aria-pressed="false"]')
+        await page.click("#detail .follow")
+        await page.wait_for_selector('#detail .follow[aria-pressed="true"]')
+
+
+async def test_the_box_says_what_a_robot_is_doing_as_far_as_it_says(browser: "Browser", face: Served) -> None:
+    doing = {"destination": {"floor": HALL, "x": 4.0, "y": 1.0, "expected_s": time.time() + 100}, "battery_pct": 83.0}
+    face.sources.heard = [
+        {**HEARD, "uuid": robot("A-2"), "vendor": "Alder", "age_s": 0.1, **doing, "load_used_pct": 0.0}
+    ]
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await until(page, "document.getElementById('detail').textContent.includes('goes to4.0, 1.0, in 1')")
+        detail = await text(page, "#detail")
+    assert "battery83 %load" in detail
+    assert "loadnonelast message" in detail
 
 
 async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(

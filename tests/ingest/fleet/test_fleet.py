@@ -170,6 +170,22 @@ def test_the_newest_status_wins_and_what_it_replaced_is_counted() -> None:
     assert (batch.statuses[0], batch.first_arrival_s[0], batch.arrival_s[0]) == (3, NOW_S, NOW_S + 2)
 
 
+def test_a_document_says_what_a_robot_is_doing_as_far_as_the_robot_says() -> None:
+    receiving_fleet = fleet()
+    stops = [
+        {**point, "planarDatum": HALL} for point in points((NOW_S + 60, 5.0, 6.0, 0.0), (NOW_S + 90, 9.0, 6.0, 0.0))
+    ]
+    amounts = {"batteryPercentage": 83.0, "remainingRunTime": 2.0, "loadPercentageStillAvailable": 75.0}
+    receiving_fleet.receive(status("A-1", NOW_S, destinations=stops, **amounts), NOW_S, LINE)
+    receiving_fleet.receive(status("A-2", NOW_S, 3.0), NOW_S, LINE)
+    receiving_fleet.next_batch(NOW_S)
+    shown = document(receiving_fleet, "A-1")
+    assert shown["destination"] == {"floor": HALL, "x": 5.0, "y": 6.0, "expected_s": NOW_S + 60}
+    assert (shown["battery_pct"], shown["run_time_left_s"], shown["load_used_pct"]) == (83.0, 7200.0, 25.0)
+    silent = document(receiving_fleet, "A-2")
+    assert [silent[name] for name in ("destination", "battery_pct", "run_time_left_s", "load_used_pct")] == [None] * 4
+
+
 def test_a_repeated_robot_brings_no_status() -> None:
     receiving_fleet = fleet()
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)

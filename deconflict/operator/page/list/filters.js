@@ -5,6 +5,7 @@ import { SEVERITIES, SEVERITY } from "../texts.js";
 
 const $ = (id) => document.getElementById(id);
 const ANY = "";
+const MOST_NAMED = 5;
 
 export class Filters {
   // `acts`: changed(), showRobot(uuid).
@@ -13,7 +14,8 @@ export class Filters {
     this.offer("severity", SEVERITIES.map((severity) => [severity, SEVERITY[severity]]), "Any severity");
     for (const part of Object.values(this.parts)) part.onchange = acts.changed;
     $("all").onclick = () => { for (const part of Object.values(this.parts)) part.value = ANY; acts.changed(); };
-    $("robot").onchange = () => { const robot = this.found($("robot").value); if (robot) { acts.showRobot(robot.uuid); $("robot").value = ""; } };
+    $("robot").onchange = () => this.find($("robot").value, acts.showRobot);
+    $("robot").oninput = () => { $("not-found").textContent = ""; };
     this.robots = [];
   }
 
@@ -39,10 +41,16 @@ export class Filters {
     select.value = options.some(([id]) => id === value) ? value : ANY;
   }
 
-  // The robot with this name, or the only one whose name has this text.
-  found(text) {
+  // Shows the robot with this name, or the only one whose name has this text. Says so if there is none, or more than one.
+  find(text, showRobot) {
     const wanted = text.trim().toLowerCase(), matching = this.robots.filter(({ name }) => wanted && name.toLowerCase().includes(wanted));
-    return matching.find(({ name }) => name.toLowerCase() === wanted) ?? (matching.length === 1 ? matching[0] : null);
+    const robot = matching.find(({ name }) => name.toLowerCase() === wanted) ?? (matching.length === 1 ? matching[0] : null);
+    if (robot) {
+      showRobot(robot.uuid);
+      $("robot").value = "";
+    }
+    const names = matching.slice(0, MOST_NAMED).map(({ name }) => name).join(", ");
+    if (!robot && wanted) $("not-found").textContent = matching.length ? `${matching.length} robots have “${text.trim()}” in their names: ${names}${matching.length > MOST_NAMED ? ", …" : ""}` : `No robot has “${text.trim()}” in its name.`;
   }
 
   get active() { return Object.values(this.parts).some(({ value }) => value !== ANY); }

@@ -1,8 +1,10 @@
 // One robot in a box beside the map, and the robots of a floor as a table.
 
-import { ago, likely } from "../texts.js";
+import { read } from "../floor/reading.js";
+import { ago, likely, span } from "../texts.js";
 
 const LISTED = 200;
+const READ_MS = 2000; // what a robot says of itself is asked for so often while its box is shown
 const STATES = {
   navigating: "drives", charging: "charges", waitingHumanEvent: "waits for a person", waitingExternalEvent: "waits for something around it",
   waitingInternalEvent: "busy with itself", manualOverride: "driven by hand",
@@ -13,22 +15,28 @@ const FORECASTS = {
 };
 
 export class RobotBox {
-  // `hide` is called when somebody closes it.
-  constructor(box, hide) {
+  // `acts`: hide() when somebody closes it, follow() when somebody wants the map to stay with the robot, or no longer.
+  constructor(box, { hide, follow }) {
     this.box = box;
     this.facts = document.createElement("dl");
     this.title = document.createElement("strong");
     const close = Object.assign(document.createElement("button"), { type: "button", textContent: "Close", className: "close" });
     close.onclick = hide;
-    box.append(this.title, close, this.facts);
+    this.follow = Object.assign(document.createElement("button"), { type: "button", textContent: "Follow", className: "follow" });
+    this.follow.onclick = follow;
+    this.asked = { uuid: null, atMs: 0, report: null };
+    box.append(this.title, close, this.follow, this.facts);
     box.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
   }
 
-  // `robot` or null; `view` has nowS, isTakenOff, isDistrusted, and `standards` of its vendor, and `notCompared`, why it is compared with nobody.
+  // `robot` or null; `view` has nowS, isPast, isTakenOff, isDistrusted, isFollowed, `standards` of its vendor, `notCompared`, why it is
+  // compared with nobody, and whereIs(point) in words.
   show(robot, view) {
     this.box.hidden = !robot;
     if (!robot) return;
-    const rows = [["state", stateOf(robot, view.isTakenOff)], ["heard", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
+    this.follow.ariaPressed = String(view.isFollowed);
+    const doing = view.isPast ? [] : this.doing(robot.uuid, view);
+    const rows = [["state", stateOf(robot, view.isTakenOff)], ...doing, ["last message", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
     if (view.standards) rows.push(["standard", view.standards]);
     if (view.isDistrusted) rows.push(["trust", "moves otherwise than it announces"]);
     if (view.notCompared) rows.push(["not compared", view.notCompared]);
@@ -39,7 +47,32 @@ export class RobotBox {
     this.title.textContent = robot.name;
     this.facts.replaceChildren(...rows.flatMap(([term, fact]) => [["dt", term], ["dd", fact]]).map(([tag, textContent]) => Object.assign(document.createElement(tag), { textContent })));
   }
+
+  // Where the robot goes, its battery and its load, as far as it says. Empty before the first answer.
+  doing(uuid, { nowS, whereIs }) {
+    this.ask(uuid);
+    const { destination, battery_pct: battery, run_time_left_s: leftS, load_used_pct: load } = this.asked.report ?? {};
+    const rows = [];
+    if (destination) rows.push(["goes to", `${whereIs(destination)}${expected(destination.expected_s, nowS)}`]);
+    if (known(battery) || known(leftS)) rows.push(["battery", [known(battery) ? `${Math.round(battery)} %` : "", known(leftS) ? `lasts ${span(leftS)}` : ""].filter(Boolean).join(", ")]);
+    if (known(load)) rows.push(["load", load ? `${Math.round(load)} % of what it can carry` : "none"]);
+    return rows;
+  }
+
+  async ask(uuid) {
+    const nowMs = performance.now(), isSame = this.asked.uuid === uuid;
+    if (isSame && nowMs - this.asked.atMs < READ_MS) return;
+    this.asked = { uuid, atMs: nowMs, report: isSame ? this.asked.report : null };
+    try {
+      const report = await read(`robots/${uuid}`);
+      if (this.asked.uuid === uuid) this.asked.report = report;
+    } catch { /* the live stream says that the service is lost */ }
+  }
 }
+
+function known(amount) { return amount !== null && amount !== undefined; }
+
+function expected(atS, nowS) { return !known(atS) ? "" : atS > nowS ? `, in ${span(atS - nowS)}` : `, ${span(nowS - atS)} late`; }
 
 // Fills the body of the table with the first `LISTED` robots by name, after those that are on no floor: `notCompared` has, by
 // UUID, the robots that are compared with nobody.

@@ -3,6 +3,7 @@
 const SMALLEST = 2, LARGEST = 400;
 
 export class Camera {
+  // `changed` gets "moved" or "zoomed" if somebody did it by hand.
   constructor(canvas, changed, pressed) {
     this.canvas = canvas;
     this.changed = changed;
@@ -45,7 +46,7 @@ export class Camera {
     this.scale = this.bounded(this.scale * by);
     this.x = x - (px - this.width / 2) / this.scale;
     this.y = y + (py - this.height / 2) / this.scale;
-    this.changed(true);
+    this.changed("zoomed");
   }
 
   bounded(scale) { return Math.min(Math.max(scale, SMALLEST / 4), LARGEST); }
@@ -66,7 +67,7 @@ export class Camera {
     this.x -= dx / this.scale;
     this.y += dy / this.scale;
     if (spread) this.zoom(this.spread() / spread, ...here);
-    this.changed(true);
+    this.changed("moved");
   }
 
   up(event) {
@@ -83,11 +84,12 @@ export class Camera {
   key(event) {
     const step = 60 / this.scale;
     const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
-    if (moves) this.centreOn(this.x + moves[0], this.y + moves[1]);
-    else if (event.key === "+" || event.key === "=") this.zoom(1.25);
+    if (moves) {
+      this.centreOn(this.x + moves[0], this.y + moves[1]);
+      this.changed("moved");
+    } else if (event.key === "+" || event.key === "=") this.zoom(1.25);
     else if (event.key === "-") this.zoom(0.8);
     else return;
     event.preventDefault();
-    this.changed(true);
   }
 }

@@ -59,6 +59,7 @@ class GivenSources:
 
     down: set[str] = field(default_factory=set)
     reloads: int = 0
+    heard: list[dict[str, Any]] = field(default_factory=lambda: ROBOT_DOCUMENTS)
     to_mend: list[dict[str, Any]] = field(default_factory=list)
     live: dict[str, Any] = field(default_factory=dict)
     """Replaces parts of the live status."""
@@ -69,7 +70,7 @@ class GivenSources:
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         self._ask("receiver")
-        return [document for document in ROBOT_DOCUMENTS if uuid in ("", document["uuid"])]
+        return [document for document in self.heard if uuid in ("", document["uuid"])]
 
     async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
         self._ask("receiver")
