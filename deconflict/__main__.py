@@ -14,7 +14,7 @@ from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
-from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, Commands, add_command
+from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
@@ -50,7 +50,7 @@ DESCRIBED = json_schemas.SCHEMAS | {"openapi": _openapi, "asyncapi": _asyncapi}
 
 
 def parser() -> argparse.ArgumentParser:
-    root = argparse.ArgumentParser(
+    root: argparse.ArgumentParser = CommandParser(
         prog="deconflict",
         description="Traffic deconfliction for floors shared by robots of many vendors. Advisory, not safety rated.",
         epilog="deconflict COMMAND --help has the arguments of a command, and examples. Exit code 2 means that "

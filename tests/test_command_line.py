@@ -57,6 +57,18 @@ def test_robots_that_reach_no_service_say_so() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [("demo --secnds 3", "--seconds"), ("--versoin check x", "--version"), ("site import x --widht=2", "--width")],
+)
+def test_an_option_that_does_not_exist_names_the_one_that_was_meant(
+    line: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        parser().parse_args(line.split())
+    assert (end.value.code, capsys.readouterr().err.endswith(f"; did you mean {meant}?\n")) == (MISUSED, True)
+
+
 def test_the_scene_of_standoffs_turns_advice_off_and_on_by_itself() -> None:
     command = [sys.executable, "-m", "deconflict", "demo", "--scene", "standoffs", "--advice"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,7 +1,9 @@
 """What all commands share: their parsers with examples, the exit code, and the garbage collector's thresholds."""
 
 import argparse
-from typing import TypeAlias
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any, TypeAlias
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 MISUSED = 2
@@ -9,6 +11,20 @@ MISUSED = 2
 GC_THRESHOLDS = (50_000, 20, 100)
 """Thresholds of Python's cyclic garbage collector. Reference cycles are rare here. A high threshold avoids scans of
 millions of objects."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """A parser that names the option that was probably meant."""
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        parsed, left = super().parse_known_args(args, namespace)
+        for argument in left:
+            wanted = argument.partition("=")[0]
+            if wanted.startswith("--") and (near := get_close_matches(wanted, self._option_string_actions, 1)):
+                self.error(f"there is no option {wanted}; did you mean {near[0]}?")
+        return parsed, left
 
 
 def add_command(commands: Commands, name: str, purpose: str, *examples: str) -> argparse.ArgumentParser:

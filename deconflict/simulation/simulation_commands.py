@@ -54,6 +54,9 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
     demo_parser.add_argument(
         "--data", type=Path, help="directory to keep recordings and advisories; else they are discarded"
     )
+    demo_parser.add_argument(
+        "--json", action="store_true", help="end with the figures as JSON, as always without a terminal"
+    )
     demo_parser.set_defaults(run=_demo)
     _add_drill(commands, exposition)
     _add_simulate(commands)
@@ -137,7 +140,7 @@ def _demo(args: argparse.Namespace) -> int:
         return MISUSED
     settings = settings_of(args, demo_site())
     check_access(settings, args.open)
-    return demo(*_demo_scene(args, settings), args.seconds, args.data)
+    return demo(*_demo_scene(args, settings), args.seconds, args.data, as_json=args.json)
 
 
 def _demo_scene(args: argparse.Namespace, site: "Site") -> "tuple[Site, FollowingFloor]":

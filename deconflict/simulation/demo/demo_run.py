@@ -32,7 +32,7 @@ from deconflict.runtime.data_lock import create_data_directory
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import LossSettings, Site
 from deconflict.simulation.demo.demo_floor import FollowingFloor
-from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
+from deconflict.simulation.demo.demo_view import DemoView, advisory_line, summary, tables
 from deconflict.simulation.vendors.broker_sender import LANGUAGES, DirectSender
 from deconflict.simulation.vendors.senders import simulate
 from deconflict_client.advisory import AdvisoryState
@@ -49,8 +49,11 @@ SOURCES = tuple(MqttSource(name=vendor, host="", language=language) for vendor, 
 """Where the service hears the vendors that do not speak MassRobotics."""
 
 
-def demo(site: Site, floor: FollowingFloor, seconds: float | None, data: Path | None) -> int:
-    """Run the demo. It ends `seconds` after the engine is up, or after a minute if there is no terminal."""
+def demo(site: Site, floor: FollowingFloor, seconds: float | None, data: Path | None, *, as_json: bool) -> int:
+    """Run the demo. It ends `seconds` after the engine is up, or after a minute if there is no terminal.
+
+    Prints what happened in sentences, and its figures as JSON if asked to or without a terminal.
+    """
     console = Console()
     if seconds is None and not console.is_terminal:
         seconds = SECONDS_WITHOUT_TERMINAL
@@ -70,10 +73,11 @@ def demo(site: Site, floor: FollowingFloor, seconds: float | None, data: Path | 
         finally:
             stop.set()
             supervisor.join()
-        lost = {"lost_to_others_s": round(_lost_to_others_s(kept) - lost_before_s, 1)}
-    for line in floor.report():
+        figures = view.result() | {"lost_to_others_s": round(_lost_to_others_s(kept) - lost_before_s, 1)}
+    for line in (*summary(figures), *floor.report()):
         console.print(line, soft_wrap=True)
-    sys.stdout.write(json.dumps(view.result() | lost | floor.result()) + "\n")
+    if as_json or not console.is_terminal:
+        sys.stdout.write(json.dumps(figures | floor.result()) + "\n")
     return 0
 
 

@@ -1,6 +1,7 @@
 """What the demo shows in a terminal: open advisories and the figures of each vendor."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -72,6 +73,18 @@ class DemoView:
             "advisories_cleared": self.cleared,
             "latency_p99_ms": round(self.latency_p99_s * 1000, 1),
         }
+
+
+def summary(figures: Mapping[str, float]) -> list[str]:
+    """The figures of `DemoView.result` and what the ledger booked (`lost_to_others_s`), in sentences."""
+    announced = ", ".join(f"{kind}: {figures[kind]}" for kind in ("conflicts", "queues", "deadlocks", "blockages"))
+    return [
+        f"Robots: {figures['robots']}, messages: {figures['messages']:,}, of these rejected: {figures['rejected']:,}.",
+        f"{announced.capitalize()}.",
+        f"Advisories raised: {figures['advisories_raised']}, cleared: {figures['advisories_cleared']}.",
+        f"Robots lost {figures['lost_to_others_s']:.0f} s to each other.",
+        f"99 % of the advisories came within {figures['latency_p99_ms']:.0f} ms of their message.",
+    ]
 
 
 def advisory_line(advisory: AnyAdvisory) -> Text:

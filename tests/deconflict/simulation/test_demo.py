@@ -85,6 +85,7 @@ def test_the_demo_ends_by_itself_and_tells_what_happened(tmp_path: Path) -> None
     assert document["lost_to_others_s"] == kept.total.lost_s
     assert sum(row.lost_s for row in kept.rows) == pytest.approx(kept.total.lost_s, abs=1.0)
     assert f"http://127.0.0.1:{operator}/advisories" in done.stdout
+    assert f"Robots: {ROBOTS}, messages: {document['messages']:,}, of these rejected: 0." in done.stdout
     assert list((tmp_path / "log").glob("*.jsonl"))
 
 
