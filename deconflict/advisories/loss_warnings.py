@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
 
-from deconflict.foresight.losses.loss import Loss, LossNotice
+from deconflict.foresight.losses.loss import Loss, LossKind, LossNotice
 from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory
 
@@ -72,13 +72,18 @@ class LossWarnings:
             self._forget(now_s - KEPT_S)
 
     def notice_of(self, loss: Loss) -> LossNotice:
-        """What was published before a loss began. A later part of a long loss has what its first part had."""
+        """What was published before a loss began. A later part of a long loss has what its first part had.
+
+        A robot that stands in a deadlock does not wait as advised: only what it was asked for the other counts.
+        """
         before = self._notices.get(loss.robot)
         if before and (before[0].by, before[0].until_s) == (loss.by, loss.from_s):
             notice = before[1]
         else:
             notice = self._notice_of(loss)
         self._notices[loss.robot] = loss, notice
+        if loss.kind is LossKind.DEADLOCK and notice.is_heeded:
+            return notice._replace(is_heeded=self._did_as_asked(loss))
         return notice
 
     def _notice_of(self, loss: Loss) -> LossNotice:
@@ -90,9 +95,11 @@ class LossWarnings:
             if robot in (loss.robot, loss.by, loss.root) and span.holds(loss.from_s)
         ]
         is_heeded = any(self._last_advised_wait_s(robot) >= from_s for robot, from_s in advised)
-        others = {loss.by, loss.root} if warnings else ()
-        has_followed = any(self._has_followed(loss.robot, other, loss.from_s) for other in others)
+        has_followed = bool(warnings) and self._did_as_asked(loss)
         return LossNotice(bool(warnings), bool(advised) or has_followed, is_heeded or has_followed)
+
+    def _did_as_asked(self, loss: Loss) -> bool:
+        return any(self._has_followed(loss.robot, other, loss.from_s) for other in {loss.by, loss.root})
 
     def _warnings(self, loss: Loss) -> Iterator[_Published]:
         """The advisories that named both robots from long enough before the loss until it began."""

@@ -6,9 +6,10 @@ from importlib.resources import files
 
 from deconflict.settings.site import DEFAULT, Site
 from metrics.report.drawings import figures
-from metrics.report.html_cells import Part, figure, maker, moment, number, share, spread, sure, table, terms
+from metrics.report.html_cells import Part, figure, maker, moment, number, share, table, terms
 from metrics.report.opening_sections import opening
 from metrics.report.place_sections import arrivals, contention, places
+from metrics.report.quality_sections import QUALITY, contact_alone, quality_cells
 from metrics.report.situation_section import situations
 from metrics.scoring.forecast_scores import BANDS
 
@@ -36,9 +37,9 @@ def page(result: Part, title: str, site: Site = DEFAULT, page_url: str = "") -> 
 
 def _sections(result: Part) -> Iterator[str]:
     yield "<h2>Details</h2>"
-    yield "<h3>Encounters alone</h3>" + _figures(result["scores"])
+    yield "<h3>Warnings by clearance</h3>" + _qualities(result["scores"])
     for score in result["scores"]:
-        yield f"<h3>Clearance {score['clearance_m']:g} m</h3>" + "".join(_score(score))
+        yield f"<h3>Probabilities at a clearance of {score['clearance_m']:g} m</h3>" + _probabilities(score)
     yield "<h3>Silent robots</h3>" + _silences(result["scores"])
     yield "<h2>Vendors</h2>" + _scorecard(result) + _trust(result["vendors"])
     yield "<h2>Forecast errors</h2>" + _errors(result["forecast_error"])
@@ -50,48 +51,30 @@ def _sections(result: Part) -> Iterator[str]:
         yield "<h2>Situations</h2>" + situations(result["situations"])
     if result["places"]:
         yield "<h2>Forecasts for shared places</h2>" + places(result["places"])
+    yield "<h2>Contact alone</h2>" + contact_alone(result["scores"])
     yield "<h2>Nearest moments</h2>" + _scenes(result["nearest"])
     yield "<h2>Deviations from the standard</h2>" + _conformance(result["conformance"])
 
 
-def _figures(scores: Sequence[Part]) -> str:
+def _qualities(scores: Sequence[Part]) -> str:
+    """Every clearance in one row, and beside each what the believer of paths would have told."""
     rows = [
-        [
-            f"{score['clearance_m']:g} m",
-            f"{score['foreseeable']}",
-            sure(score, "recall"),
-            share(score["recall_any"]),
-            f"{score['alerts']}",
-            f"{score['censored'] + score['heeded']}",
-            sure(score, "precision"),
-            spread(score["lead_time_s"]),
-            number(score["start_error_s"]),
-            number(score["ece"], 3),
-            number(score["brier_skill"], 2),
-        ]
+        [f"{score['clearance_m']:g} m{beside}", *quality_cells(score[part])]
         for score in scores
+        for part, beside in (("warnings", ""), ("believer", ", if every path is believed"))
     ]
-    head = ("clearance", "encounters foreseeable", "recall", "at any time", "alerts", "outcome unknown", "precision")
-    more = ("lead time, s (p10 to p90)", "start error, s", "calibration error", "Brier skill")
-    return table((*head, *more), rows) + (
-        '<p class="note">Recall: share of foreseeable encounters with an open alert in the last 2 s before them.'
-        " Precision: share of alerts followed by an encounter within 10 s. In brackets: 95 % interval.</p>"
-    )
+    return table(("clearance", *QUALITY), rows)
 
 
-def _score(score: Part) -> Iterator[str]:
-    cases = score["cases"]
-    leads = [float(text) for text in cases["lead_time_s"].split() if text != "-"]
-    yield '<div class="row">'
-    yield figure(figures.lead_times(leads), f"Lead time of the {len(leads)} encounters with an alert")
+def _probabilities(score: Part) -> str:
     probability = score["warnings"]["probability"]
-    if probability["reliability"]:
-        caption = (
-            f"{probability['samples']:,} published probabilities in ten groups of equal size; orange: those above 0.5"
-            " in steps of 0.1. Perfect calibration is on the diagonal"
-        )
-        yield figure(figures.reliability(probability["reliability"], probability["likely"]["bins"]), caption)
-    yield "</div>"
+    if not probability["reliability"]:
+        return "<p>None were published.</p>"
+    caption = (
+        f"{probability['samples']:,} published probabilities in ten groups of equal size; orange: those above 0.5"
+        " in steps of 0.1. Perfect calibration is on the diagonal"
+    )
+    return figure(figures.reliability(probability["reliability"], probability["likely"]["bins"]), caption)
 
 
 def _silences(scores: Sequence[Part]) -> str:
@@ -118,13 +101,13 @@ def _silences(scores: Sequence[Part]) -> str:
 
 
 def _scorecard(result: Part) -> str:
-    """One row for each vendor, at the first clearance."""
+    """One row for each vendor, at the first clearance, and one for all."""
     score = result["scores"][0]
     conformance = {row["vendor"]: row for row in result["conformance"]}
     ahead = {row["vendor"]: row["horizons"][2] for row in result["forecast_error"]["by_vendor"]}
     grades = {row["vendor"]: row["grade"] for row in result["vendors"]}
     rows = []
-    for vendor in score["by_vendor"]:
+    for vendor in score["warnings"]["by_vendor"]:
         errors, counts = ahead.get(vendor["vendor"]), conformance.get(vendor["vendor"])
         deviations = sum(finding["count"] for finding in counts["findings"]) if counts else 0
         messages = counts["accepted"] + counts["rejected"] if counts else 0
@@ -133,11 +116,7 @@ def _scorecard(result: Part) -> str:
                 vendor["vendor"],
                 grades.get(vendor["vendor"]) or "-",
                 f"{vendor['robot_hours']:.2f}",
-                f"{vendor['foreseeable']}",
-                share(vendor["recall"]),
-                share(vendor["precision"]),
-                number(vendor["alerts_per_robot_hour"]),
-                number(vendor["lead_time_s"] and vendor["lead_time_s"]["median"]),
+                *quality_cells(vendor),
                 "-"
                 if errors is None
                 else f"{number(errors['distance_median_m'], 2)} / {number(errors['distance_p90_m'], 2)}",
@@ -146,9 +125,12 @@ def _scorecard(result: Part) -> str:
                 f"{100 * deviations / messages:.1f}" if messages else "-",
             ]
         )
-    head = ("vendor", "grade", "robot-hours", "encounters", "recall", "precision", "alerts per robot-hour")
-    more = ("lead time, s", "error 3 s ahead, m: median / p90", "messages", "rejected", "deviations per 100 messages")
-    return f"<p>At a clearance of {score['clearance_m']:g} m.</p>" + table((*head, *more), rows)
+    total = ["all", "-", f"{score['warnings']['robot_hours']:.2f}", *quality_cells(score["warnings"]), *4 * "-"]
+    more = ("error 3 s ahead, m: median / p90", "messages", "rejected", "deviations per 100 messages")
+    note = "A warning of robots of two vendors is in the rows of both, so rows add up to more than all."
+    return f"<p>At a clearance of {score['clearance_m']:g} m. {note}</p>" + table(
+        ("vendor", "grade", "robot-hours", *QUALITY, *more), [*rows, total]
+    )
 
 
 def _trust(vendors: Sequence[Part]) -> str:
@@ -245,9 +227,9 @@ def _scenes(scenes: Sequence[Part]) -> str:
 def _warned(scene: Part) -> str:
     warned, until = scene["warned_s"], scene["warned_until_s"]
     if warned is None:
-        return "no advisory in the 10 s before"
+        return "without a warning in the 10 s before"
     over = ", still open" if until is None else f", cleared {until:.1f} s before"
-    return f"advisory {warned:.1f} s before{over}"
+    return f"warned of {warned:.1f} s ahead{over}"
 
 
 def _conformance(vendors: Sequence[Part]) -> str:

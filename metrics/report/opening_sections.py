@@ -9,7 +9,9 @@ from deconflict.settings.site import Site
 from metrics.report.drawings import figures
 from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
 from metrics.report.html_cells import Part, figure, linked_table, moment, number, percent
-from metrics.report.replay_summary import count_events, findings, first_sentences, place_texts
+from metrics.report.replay_summary import findings, first_sentences, place_texts
+from metrics.scoring.bootstrap import Interval
+from metrics.scoring.warnings.warning_quality import WarningQuality
 
 EVENTS = {"stop": "one stopped or swerved for the other", "encounter": "came within the clearance"}
 KEY = '<span class="key {}"></span>'
@@ -30,27 +32,31 @@ def opening(result: Part, site: Site, page_url: str) -> Iterator[str]:
 
 def _tiles(result: Part, warnings: Part) -> str:
     """The key figures, each with what it means."""
-    events, warned, early, earlier = (
-        count_events(warnings, name) for name in ("fresh", "told_at_any_time", "told_2_s", "told_4_s")
-    )
-    interval, situations = warnings["intervals"]["precision"], result["situations"]
-    between = f" (95 % interval {percent(interval[0])} to {percent(interval[1])})" if interval else ""
-    judged, clearance_m = warnings["true"] + warnings["in_vain"], result["scores"][0]["clearance_m"]
-    stops, encounters = warnings["stops"]["fresh"], warnings["encounters"]["fresh"]
-    met = f"{stops:,} stops or swerves for another robot, {encounters:,} encounters within {clearance_m:g} m"
-    ahead = f"share with a warning in the 10 s before: {early:,} at least 2 s before, {earlier:,} at least 4 s"
-    true = f"{warnings['true']:,} of {judged:,} with a known outcome{between}"
-    rate = f"{warnings['alerts']:,} in {_hours(warnings['robot_hours'])} of robots on the floor"
-    useful = f"what people see; {percent(situations['came_true_or_prevented'])} came true or were prevented"
+    quality, situations = WarningQuality.of(warnings), result["situations"]
+    clearance_m, ahead = result["scores"][0]["clearance_m"], quality.ahead_by_s
+    stops = f"{quality.stops:,} stops or swerves for another robot"
+    met = f"{stops}, {quality.encounters:,} encounters within {clearance_m:g} m"
+    early = f"{quality.warned_of_2_s:,} at least 2 s ahead, {quality.warned_of_4_s:,} at least 4 s"
+    median = f"; ahead by {ahead['median']:.1f} s in the median" if ahead else ""
+    warned = f"{quality.warned_of:,} with a warning in the 10 s before: {early}{median}"
+    rate = f"{quality.warnings:,} in {_hours(quality.robot_hours)} of robots on the floor"
+    came = percent(situations["came_true"])
+    useful = f"what people see; {came} of those judged came true, {situations['heeded']:,} were prevented by advice"
     tiles = (
-        (f"{events:,}", "times in each other's way", met),
-        (percent(warned / events if events else None), "warned of", ahead),
-        (percent(warnings["precision"]), "of warnings came true", true),
-        (number(warnings["alerts_per_robot_hour"]), "warnings per robot-hour", rate),
+        (f"{quality.events:,}", "times in each other's way", met),
+        (percent(quality.share_warned_of), "warned of", warned),
+        (percent(quality.share_came_true), "of warnings came true", _true(quality, warnings["intervals"]["precision"])),
+        (number(quality.warnings_per_robot_hour), "warnings per robot-hour", rate),
         (f"{situations['situations']:,}", "situations", useful),
     )
     drawn = "".join(f"<div><b>{value}</b><span>{name}</span><small>{text}</small></div>" for value, name, text in tiles)
     return f'<div class="tiles">{drawn}</div>'
+
+
+def _true(quality: WarningQuality, interval: Interval) -> str:
+    between = f" (95 % interval {percent(interval[0])} to {percent(interval[1])})" if interval else ""
+    others = f"{quality.in_vain:,} in vain, {quality.not_judged:,} not judged"
+    return f"{quality.came_true:,} of {quality.judged:,} that are judged{between}; {others}"
 
 
 def _hours(hours: float) -> str:

@@ -31,7 +31,7 @@ def _by_ahead(kinds: Sequence[Part]) -> str:
         for kind_row in kinds
         for part in kind_row["by_ahead"]
     ]
-    return table(("advisory", "raised up to", "advisories", "came true"), rows) if rows else ""
+    return table(("advisory", "raised up to", "advisories", "share that came true"), rows) if rows else ""
 
 
 def _ahead(row: Part) -> str:
@@ -92,8 +92,8 @@ def contention(kinds: Sequence[Part]) -> str:
         ]
         for row in kinds
     ]
-    head = ("advisory", "count", "outcome unknown", "came true", "lead time, s (p10 to p90)", "error of the wait, s")
-    more = ("events", "with an advisory before", "or during it")
+    head = ("advisory", "count", "not judged", "share that came true", "ahead by, s (p10 to p90)")
+    more = ("error of the wait, s", "times it happened", "with an advisory before", "or during it")
     note = (
         '<p class="note">A contention came true if one of its robots stood for 5 s while the place was full; a double'
         " occupancy if more robots were inside than the capacity; a deadlock if all robots of its ring stood for 5 s;"

@@ -9,14 +9,10 @@ from deconflict.settings.site import DEFAULT, Site
 from ingest.batch import FloorPoint
 from ingest.languages.visible_text import visible
 from metrics.report.html_cells import Part, moment, percent
+from metrics.scoring.warnings.warning_quality import NOT_JUDGED, WarningQuality, not_judged
 
 CELL_M = 5.0
 """Warnings in vain are counted by squares of this side."""
-OTHER_OUTCOMES = {
-    "heeded": "ended as advised",
-    "in_progress": "came after the beginning",
-    "unknown": "had no known outcome",
-}
 
 
 def summary(result: Part, written: Sequence[Path], site: Site = DEFAULT) -> str:
@@ -28,27 +24,25 @@ def summary(result: Part, written: Sequence[Path], site: Site = DEFAULT) -> str:
 
 def first_sentences(result: Part) -> str:
     """How often robots got in each other's way, how often the service warned of it, and how often in vain."""
-    alerts = result["scores"][0]["warnings"]
-    events, warned, early = (count_events(alerts, name) for name in ("fresh", "told_at_any_time", "told_2_s"))
+    quality = WarningQuality.of(result["scores"][0]["warnings"])
     floor = f"In {span(result['span_s'])}, {result['robots']:,} robots of {_vendors(result)}"
-    if not events:
-        return f"{floor} never got in each other's way. {_outcomes(alerts)}"
+    if not quality.events:
+        return f"{floor} never got in each other's way. {_outcomes(quality)}"
+    warned = f"{quality.warned_of:,} of these ({percent(quality.share_warned_of)})"
     return (
-        f"{floor} got in each other's way {_times(events)}. The service warned of {warned:,} of these"
-        f" ({percent(warned / events)}), of {early:,} at least 2 s ahead. {_outcomes(alerts)}"
+        f"{floor} got in each other's way {_times(quality.events)}. The service warned of {warned},"
+        f" of {quality.warned_of_2_s:,} at least 2 s ahead. {_outcomes(quality)}"
     )
 
 
 def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
     """Other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest moment."""
-    score = result["scores"][0]
-    alerts = score["warnings"]
-    others = [f"{alerts[key]:,} {text}" for key, text in OTHER_OUTCOMES.items() if alerts[key]]
+    alerts = result["scores"][0]["warnings"]
+    others = [f"{alerts[key]:,} {text}" for key, text in NOT_JUDGED.items() if alerts[key]]
     if others:
-        yield f"Of the other warnings, {', '.join(others)}."
-    if score["lead_time_s"]:
-        ahead = score["lead_time_s"]
-        yield f"Half of the encounters that were foreseen had a warning {ahead['median']:.1f} s ahead or earlier."
+        yield f"Of those not judged, {', '.join(others)}."
+    if ahead := WarningQuality.of(alerts).ahead_by_s:
+        yield f"Half of the times that were warned of had the warning {ahead['median']:.1f} s ahead or earlier."
     if result["situations"]["situations"]:
         yield _situations(result["situations"])
     pairs = [row for row in alerts["by_vendor_pair"] if row["in_vain"]]
@@ -61,30 +55,25 @@ def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
         yield _nearest(result["nearest"][0])
 
 
-def count_events(alerts: Part, name: str) -> int:
-    """How many of the fresh stops and encounters have a property, such as `told_2_s`; all of them if it is `fresh`."""
-    parts = [alerts["stops"], alerts["encounters"]]
-    if name == "fresh":
-        return sum(part["fresh"] for part in parts)
-    return sum(round(part["fresh"] * (part[name] or 0.0)) for part in parts)
-
-
 def span(seconds: float) -> str:
     return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
 
 
-def _outcomes(alerts: Part) -> str:
-    if not alerts["alerts"]:
+def _outcomes(quality: WarningQuality) -> str:
+    if not quality.warnings:
         return "There were no warnings."
-    return f"Of its {alerts['alerts']:,} warnings, {alerts['true']:,} came true and {alerts['in_vain']:,} were in vain."
+    return (
+        f"Of its {quality.warnings:,} warnings, {quality.came_true:,} came true, {quality.in_vain:,} were in vain and"
+        f" {quality.not_judged:,} are not judged."
+    )
 
 
 def _situations(part: Part) -> str:
     at_once = part["open_at_once"]
     return (
-        f"Situations for people: {part['situations']:,}. Came true: {part['true']:,}, prevented by advice:"
-        f" {part['heeded']:,}, in vain: {part['in_vain']:,}. Open at a time: {at_once['median'] or 0:.0f} in the"
-        f" median, {at_once['most'] or 0:.0f} at most."
+        f"Situations for people: {part['situations']:,}. Came true: {part['true']:,}, in vain: {part['in_vain']:,}, not"
+        f" judged: {not_judged(part):,} (prevented by advice: {part['heeded']:,}). Open at a time:"
+        f" {at_once['median'] or 0:.0f} in the median, {at_once['most'] or 0:.0f} at most."
     )
 
 
@@ -116,7 +105,7 @@ def _worst_place(result: Part, site: Site) -> Iterator[str]:
 
 
 def _nearest(near: Part) -> str:
-    warned = "without a warning" if near["warned_s"] is None else f"warned of {near['warned_s']:.1f} s before"
+    warned = "without a warning" if near["warned_s"] is None else f"warned of {near['warned_s']:.1f} s ahead"
     return (
         f"Nearest to each other: {' and '.join(near['names'])}, {near['separation_m']:.2f} m{_on(near['floor_name'])},"
         f" {moment(near['at'])}, {warned}."

@@ -1,6 +1,7 @@
 """The situations of a replay in one sentence, and as a section of its report."""
 
 from metrics.report.html_cells import Part, number, percent, share, spread, sure, table
+from metrics.scoring.warnings.warning_quality import not_judged
 
 
 def sentence(part: Part) -> str:
@@ -22,9 +23,11 @@ def situations(part: Part) -> str:
         [
             row["kind"].replace("_", " "),
             f"{row['situations']:,}",
-            f"{row['unknown'] + row['in_progress']:,}",
+            f"{row['true']:,}",
+            f"{row['in_vain']:,}",
+            f"{not_judged(row):,}",
+            f"{row['heeded']:,}",
             sure(row, "came_true") if "intervals" in row else share(row["came_true"]),
-            share(row["prevented"]),
             spread(row["lead_time_s"]),
             number(row["open_s"]["median"]),
             number(row["open_s"]["shortest"]),
@@ -32,11 +35,11 @@ def situations(part: Part) -> str:
         ]
         for row in ({**part, "kind": "all"}, *part["by_kind"])
     ]
-    head = ("situation", "count", "outcome unknown", "came true", "prevented by advice", "lead time, s (p10 to p90)")
-    more = ("open for, s: median", "shortest", "longest")
+    head = ("situation", "count", "came true", "in vain", "not judged", "prevented by advice", "share that came true")
+    more = ("ahead by, s (p10 to p90)", "open for, s: median", "shortest", "longest")
     note = (
         '<p class="note">A situation came true if two of its robots met or one gave way to the other while it listed'
-        " both or within 10 s after that, or if one of its other advisories came true. Lead time: from raising to the"
+        " both or within 10 s after that, or if one of its other advisories came true. Ahead by: from raising to the"
         " first of these events, below 0 if all had begun.</p>"
     )
     return f"<p>{_amounts(part)}</p>" + table((*head, *more), rows) + note

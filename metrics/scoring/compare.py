@@ -1,4 +1,6 @@
-"""Compares two results of `metrics/replay/replay.py`, figure by figure, with intervals.
+"""Compares two results of `metrics/replay/replay.py`, figure by figure, with intervals, and says what is better.
+
+First come the figures that a report begins with, in its words (`WarningQuality`), then those of contact alone.
 
 Two results of the same log have the same encounters and the same groups of pairs, so a paired bootstrap compares each
 with itself. The alerts differ, so each side draws its own.
@@ -13,6 +15,7 @@ import numpy as np
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import DRAWS, GROUPS, SEED, Interval, middle
 from metrics.scoring.summaries import brier, brier_skill, mean, median
+from metrics.scoring.warnings.warning_quality import WarningQuality
 
 Score = Mapping[str, Any]
 
@@ -26,16 +29,29 @@ class FigureChange:
     after: float | None
     interval: Interval
     """Interval of the difference."""
+    good: int = 0
+    """1 if more is better, -1 if less is, 0 if that can't be said."""
 
     @property
     def meaning(self) -> str:
-        """The direction of the change as text. Empty if there is no interval."""
+        """What the change means, as text. Empty if there is no interval."""
         if self.interval is None:
             return ""
         low, high = self.interval
-        return "no significant change" if low <= 0 <= high else "higher" if low > 0 else "lower"
+        if low <= 0 <= high:
+            return "no significant change"
+        if not self.good:
+            return "higher" if low > 0 else "lower"
+        return "better" if (low > 0) == (self.good > 0) else "worse"
 
 
+HEADLINE: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
+    "warned of": ("warned_of", mean),
+    "warned of, 2 s ahead": ("warned_of_2_s", mean),
+    "ahead by, s": ("ahead_by_s", median),
+    "came true": ("came_true", mean),
+}
+"""By the word of a report, the list of cases of `warnings`, and the figure."""
 FIGURES: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
     "recall": ("recalled", mean),
     "recall_any": ("recalled_any", mean),
@@ -43,9 +59,12 @@ FIGURES: dict[str, tuple[str, Callable[[Floats], float | None]]] = {
     "start_error_s": ("start_error_s", median),
     "precision": ("came_true", mean),
 }
-OF_SITUATIONS = ("came_true", "covered")
+WORSE_IF_MORE = {"start_error_s", "brier", "ece"}
+OF_SITUATIONS = {"came_true": "came true", "covered": "covered"}
+"""By the list of cases, the word of a report."""
 AMOUNTS = {"open_at_once": ("open_at_once", "median"), "open_s": ("open_s", "median")}
 """Figures of situations that are parts of others."""
+CONTACT_ALONE = "Contact alone: robots that stop or swerve in time make a warning count as false. For older results."
 HEAD = f"{'':<22}{'A':>9}{'B':>9}{'B - A':>9}   95 %"
 BY_ENCOUNTER = ("recall", "recall_any", "lead_time_s", "start_error_s")
 
@@ -60,22 +79,36 @@ def changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
     for name, (key, figure) in FIGURES.items():
         before, after = _values(a["cases"][key]), _values(b["cases"][key])
         paired = same_log and name in BY_ENCOUNTER and len(before) == len(after)
-        yield FigureChange(name, figure(before), figure(after), _difference(before, after, figure, paired))
+        difference = _difference(before, after, figure, paired)
+        yield FigureChange(name, figure(before), figure(after), difference, _good(name))
     before, after = (np.array(score["cases"]["probabilities"], np.float64).reshape(-1, 3) for score in (a, b))
     paired = same_log and len(before) == len(after) == GROUPS
     of_a, of_b = before[:, 0] > 0, after[:, 0] > 0
     before, after = (before[of_a | of_b], after[of_a | of_b]) if paired else (before[of_a], after[of_b])
     for name, statistic in (("brier", brier), ("brier_skill", brier_skill)):
-        yield FigureChange(name, a[name], b[name], _difference(before, after, statistic, paired))
-    for name in ("ece", "alerts_per_robot_hour"):
-        yield FigureChange(name, a[name], b[name], None)
+        difference = _difference(before, after, statistic, paired)
+        yield FigureChange(name, a[name], b[name], difference, _good(name))
+    yield FigureChange("ece", a["ece"], b["ece"], None, _good("ece"))
+
+
+def headline_changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChange]:
+    """The figures of quality in `warnings` of two results, in the words of a report."""
+    of_a, of_b = WarningQuality.of(a), WarningQuality.of(b)
+    for name, (key, figure) in HEADLINE.items():
+        before, after = _values(a["cases"][key]), _values(b["cases"][key])
+        paired = same_log and key != "came_true" and len(before) == len(after)
+        yield FigureChange(name, figure(before), figure(after), _difference(before, after, figure, paired), 1)
+    shares = (_share(of_a.not_judged, of_a.warnings), _share(of_b.not_judged, of_b.warnings))
+    yield FigureChange("not judged", *shares, None)
+    rates = of_a.warnings_per_robot_hour, of_b.warnings_per_robot_hour
+    yield FigureChange("per robot-hour", *rates, None)
 
 
 def situation_changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[FigureChange]:
     """Every figure of the situations in two results."""
-    for name in OF_SITUATIONS:
+    for name, word in OF_SITUATIONS.items():
         before, after = _values(a["cases"][name]), _values(b["cases"][name])
-        yield FigureChange(name, mean(before), mean(after), _difference(before, after, mean, paired=False))
+        yield FigureChange(word, mean(before), mean(after), _difference(before, after, mean, paired=False), 1)
     for name in ("per_robot_hour", "per_fresh_stop"):
         yield FigureChange(name, a[name], b[name], None)
     for name, (part, of_part) in AMOUNTS.items():
@@ -86,15 +119,35 @@ def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
     same_log = all(a[name] == b[name] for name in ("messages", "robots", "span_s"))
     if not same_log:
         yield "The logs differ: a difference may come from the log or from the version."
-    for score_a, score_b in _matched(a["scores"], b["scores"]):
-        what = " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (score_a, score_b)))
-        yield f"clearance {what}: {score_a['foreseeable']} and {score_b['foreseeable']} foreseeable encounters"
+    matched = _matched(a["scores"], b["scores"])
+    for score_a, score_b in matched:
+        of_a, of_b = score_a["warnings"], score_b["warnings"]
+        events = WarningQuality.of(of_a).events, WarningQuality.of(of_b).events
+        yield f"clearance {_clearances(score_a, score_b)}: {events[0]} and {events[1]} times in each other's way"
         yield HEAD
-        yield from map(_row, changes(score_a, score_b, same_log))
+        yield from map(_row, headline_changes(of_a, of_b, same_log))
     of_a, of_b = a["situations"], b["situations"]
     yield f"{of_a['situations']} and {of_b['situations']} situations"
     yield HEAD
     yield from map(_row, situation_changes(of_a, of_b))
+    yield CONTACT_ALONE
+    for score_a, score_b in matched:
+        counts = f"{score_a['foreseeable']} and {score_b['foreseeable']} foreseeable encounters"
+        yield f"clearance {_clearances(score_a, score_b)}: {counts}"
+        yield HEAD
+        yield from map(_row, changes(score_a, score_b, same_log))
+
+
+def _clearances(a: Score, b: Score) -> str:
+    return " and ".join(dict.fromkeys(f"{score['clearance_m']} m" for score in (a, b)))
+
+
+def _good(name: str) -> int:
+    return -1 if name in WORSE_IF_MORE else 1
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
 
 
 def _matched(a: Sequence[Score], b: Sequence[Score]) -> list[tuple[Score, Score]]:

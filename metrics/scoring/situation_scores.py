@@ -219,7 +219,8 @@ def _came(case: SituationCase, truth: SituationTruth) -> tuple[Verdict, float]:
         return Verdict.TRUE, min([onset_s for onset_s in onsets_s if onset_s >= case.raised_s] or onsets_s)
     if any(_is_any_within(outcomes.spans, together) for outcomes, together in pairs):
         return Verdict.IN_PROGRESS, nan
-    if truth.waits.began_s(tuple(case.listed), case.raised_s, case.cleared_s) < inf:
+    is_deadlock = case.kind is SituationKind.DEADLOCK
+    if truth.waits.began_s(tuple(case.listed), case.raised_s, case.cleared_s, is_deadlock=is_deadlock) < inf:
         return Verdict.HEEDED, nan
     is_doubted = any(_is_any_within(outcomes.doubted, together) for outcomes, together in pairs)
     stays = [(robot, span) for robot, spans in case.listed.items() for span in spans]
@@ -259,17 +260,18 @@ def _counts(judged: Sequence[JudgedSituation], count: int) -> dict[str, Any]:
 
 
 def _shares(judged: Sequence[JudgedSituation]) -> dict[str, Floats]:
-    """By figure, (n,) 1 if it holds for a situation, else 0; nan if the outcome is unknown."""
+    """By figure, (n,) 1 if it holds for a situation, else 0; nan if it is not judged. What came true is a share of what
+    did or was in vain, as of warnings."""
     verdicts = [each.verdict for each in judged]
-    unknown = {Verdict.UNKNOWN: nan, Verdict.IN_PROGRESS: nan}
+    not_known = (Verdict.UNKNOWN, Verdict.IN_PROGRESS)
     of_share = {
-        "came_true": (Verdict.TRUE,),
-        "prevented": (Verdict.HEEDED,),
-        "came_true_or_prevented": (Verdict.TRUE, Verdict.HEEDED),
+        "came_true": ((Verdict.TRUE,), (*not_known, Verdict.HEEDED)),
+        "prevented": ((Verdict.HEEDED,), not_known),
+        "came_true_or_prevented": ((Verdict.TRUE, Verdict.HEEDED), not_known),
     }
     return {
-        name: np.array([unknown.get(verdict, float(verdict in counted)) for verdict in verdicts], np.float64)
-        for name, counted in of_share.items()
+        name: np.array([nan if verdict in left_out else float(verdict in counted) for verdict in verdicts], np.float64)
+        for name, (counted, left_out) in of_share.items()
     }
 
 

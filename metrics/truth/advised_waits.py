@@ -29,11 +29,11 @@ class AdvisedWaits:
             else:
                 spans.append((now_s, now_s))
 
-    def began_s(self, robots: Collection[str], from_s: float, to_s: float) -> float:
+    def began_s(self, robots: Collection[str], from_s: float, to_s: float, *, is_deadlock: bool = False) -> float:
         """When one of some robots first waited between two times, or did what it was asked for another of them; inf if
-        none did."""
+        none did. Robots that stand in a deadlock do not wait as advised."""
         first_s = inf
-        keys: list[str | Pair] = [*robots, *combinations(sorted(robots), 2)]
+        keys: list[str | Pair] = [*(() if is_deadlock else robots), *combinations(sorted(robots), 2)]
         for each in keys:
             for began_s, ended_s in reversed(self._of.get(each, ())):
                 if ended_s < from_s:

@@ -2,9 +2,10 @@
 
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
-from math import ceil
+from math import ceil, nan
 from typing import NamedTuple
 
+from deconflict.operator.blackbox.prior_warning import OpenSpan, warning_before
 from ingest.batch import Pair
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
@@ -37,6 +38,9 @@ class JudgedOnset(NamedTuple):
     warned: tuple[bool, ...]
     """For each of `LEADS_S`, whether an alert that is open at the onset was raised at least that long before. Last,
     whether any alert was open in the 10 s before."""
+    ahead_s: float
+    """Since when the first of these alerts had been raised; nan without one. One that is open at the onset comes
+    before cleared ones."""
     place: RecordedPlace | None
 
 
@@ -70,6 +74,7 @@ def judged(
             onset_s,
             is_stop,
             _warned(by_pair.get(pair, ()), onset_s),
+            _ahead_s(by_pair.get(pair, ()), onset_s),
             outcomes_of_pair.places.get(onset_s),
         )
         for pair, outcomes_of_pair in every.items()
@@ -128,5 +133,13 @@ def _warned(alerts: Sequence[Alert], onset_s: float) -> tuple[bool, ...]:
     """Whether the alerts of its pair preceded an onset, see `JudgedOnset.warned`."""
     standing_s = [alert.raised_s for alert in alerts if alert.raised_s <= onset_s < alert.cleared_s]
     leads = [any(raised_s <= onset_s - lead_s for raised_s in standing_s) for lead_s in LEADS_S]
-    at_any_time = any(alert.raised_s <= onset_s and alert.cleared_s > onset_s - WITHIN_S for alert in alerts)
-    return (*leads, at_any_time)
+    return (*leads, _before(alerts, onset_s) is not None)
+
+
+def _ahead_s(alerts: Sequence[Alert], onset_s: float) -> float:
+    warning = _before(alerts, onset_s)
+    return nan if warning is None else onset_s - warning.raised_s
+
+
+def _before(alerts: Sequence[Alert], onset_s: float) -> OpenSpan | None:
+    return warning_before((OpenSpan(alert.raised_s, alert.cleared_s) for alert in alerts), onset_s)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import interval
-from metrics.scoring.summaries import mean, means, ratio, ratios
+from metrics.scoring.summaries import mean, means, medians, ratio, ratios, spread
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.judged_alerts import LEADS_S, JudgedAlert, JudgedCases, JudgedOnset
 from metrics.scoring.warnings.precision_by_encounters import RobotPresence
@@ -39,6 +39,7 @@ def figures(cases: JudgedCases, robots: RobotPresence, by_minute_s: Mapping[int,
         **_figures(cases, robots.hours()),
         "intervals": _intervals(cases, by_minute_s),
         "by_class": [{"encounter_class": kind, **_counts(alerts)} for kind, alerts in of_kinds],
+        "by_vendor": list(_by_vendor(cases, robots)),
         "by_vendor_pair": list(_by_vendor_pair(cases, robots)),
         "cases": _listed(cases),
     }
@@ -53,6 +54,7 @@ def _figures(cases: JudgedCases, robot_hours: float) -> dict[str, Any]:
         "alert_minutes_per_robot_hour": stood_s / 60 / robot_hours if robot_hours else None,
         "stops": _warned_shares(_stops(cases)),
         "encounters": _warned_shares(_encounters(cases)),
+        "ahead_by_s": spread(_ahead_s(cases.onsets)),
     }
 
 
@@ -79,6 +81,14 @@ def _warned_shares(onsets: Sequence[JudgedOnset]) -> dict[str, Any]:
     return {"fresh": len(onsets), **{name: mean(rows[:, column]) for column, name in enumerate(WARNED_NAMES)}}
 
 
+def _by_vendor(cases: JudgedCases, robots: RobotPresence) -> Iterator[dict[str, Any]]:
+    """Of each vendor, the cases with one of its robots. Those of two vendors are in both."""
+    for name in sorted(set(robots.vendor_of.values())):
+        alerts = [alert for alert in cases.alerts if name in alert.vendors]
+        onsets = [onset for onset in cases.onsets if name in onset.vendors]
+        yield {"vendor": name, **_figures(JudgedCases(alerts, onsets), robots.hours([name]))}
+
+
 def _by_vendor_pair(cases: JudgedCases, robots: RobotPresence) -> Iterator[dict[str, Any]]:
     parts: dict[Vendors, JudgedCases] = {}
     for alert in cases.alerts:
@@ -100,6 +110,8 @@ def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str
         "seconds_true": interval(_seconds(cases.alerts), ratios),
         "alerts_per_robot_hour": interval(minutes[:, [0, 2]], ratios),
         "alert_minutes_per_robot_hour": interval(minutes[:, [1, 2]], ratios),
+        "warned_of": interval(_warned_rows(cases.onsets)[:, -1], means),
+        "ahead_by_s": interval(_ahead_s(cases.onsets), medians),
         **{
             what: {name: interval(rows[:, column], means) for column, name in enumerate(WARNED_NAMES)}
             for what, rows in warned.items()
@@ -110,8 +122,12 @@ def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str
 def _listed(cases: JudgedCases) -> dict[str, Any]:
     """Every case in short form for comparisons: one letter each, ordered by start."""
     stops, encounters = _warned_rows(_stops(cases)), _warned_rows(_encounters(cases))
+    ahead_s = _ahead_s(cases.onsets).tolist()
     return {
         "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in _came_true(cases.alerts)),
+        "warned_of": _letters(_warned_rows(cases.onsets)[:, -1]),
+        "warned_of_2_s": _letters(_warned_rows(cases.onsets)[:, 0]),
+        "ahead_by_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in ahead_s),
         **{f"stops_{name}": _letters(stops[:, column]) for column, name in enumerate(WARNED_NAMES)},
         **{f"encounters_{name}": _letters(encounters[:, column]) for column, name in enumerate(WARNED_NAMES)},
     }
@@ -140,6 +156,11 @@ def _seconds(alerts: Sequence[JudgedAlert]) -> Floats:
     counts = np.array([case.seconds for case in alerts], np.float64).reshape(-1, len(Verdict))
     true = counts[:, Verdict.TRUE]
     return np.stack([true, true + counts[:, list(IN_VAIN)].sum(axis=1)], axis=1)
+
+
+def _ahead_s(onsets: Sequence[JudgedOnset]) -> Floats:
+    """(n,) how far ahead each onset was warned of, nan if it was not."""
+    return np.array([onset.ahead_s for onset in onsets], np.float64)
 
 
 def _warned_rows(onsets: Sequence[JudgedOnset]) -> Floats:

@@ -124,3 +124,13 @@ def test_what_ended_long_ago_is_forgotten() -> None:
     assert known.notice_of(loss(RAISED_S + 0.5 + FORESEEN_S)) == NOTHING
     assert not known._published
     assert not known._ids
+
+
+def test_a_robot_that_stands_in_a_deadlock_does_not_wait_as_advised() -> None:
+    waited = warnings(advises(A, 8.0), last_wait_s=lambda _: RAISED_S + 6.0)
+    assert waited.notice_of(loss(RAISED_S + 5.0, kind=LossKind.DEADLOCK)) == ADVISED
+    later = loss(RAISED_S + 5.0, until_s=RAISED_S + 65.0), loss(RAISED_S + 65.0, until_s=RAISED_S + 90.0)
+    assert waited.notice_of(later[0]) == HEEDED
+    assert waited.notice_of(later[1]._replace(kind=LossKind.DEADLOCK)) == ADVISED
+    asked = warnings(advises(A, 8.0), last_wait_s=lambda _: RAISED_S + 6.0, has_followed=lambda *_: True)
+    assert asked.notice_of(loss(RAISED_S + 5.0, kind=LossKind.DEADLOCK)) == HEEDED

@@ -33,7 +33,7 @@ def test_the_page_opens_offline_and_is_the_same_each_time(result: dict[str, Any]
     assert html == page(copy.deepcopy(result), "Replay")
     for outside in ("http", "src=", "@import", "url(", "<script"):
         assert outside not in html
-    for part in ("Lead time", "Where", "The course of the log", "Deviations from", "Distance from forecast"):
+    for part in ("lead time", "Where", "The course of the log", "Deviations from", "Distance from forecast"):
         assert part in html
 
 
@@ -95,9 +95,9 @@ def test_the_nearest_moment_is_shown_with_its_time_place_names_and_a_scale(resul
 @pytest.mark.parametrize(
     ("warned_s", "until_s", "expected"),
     [
-        (None, None, "no advisory in the 10 s before"),
-        (8.1, None, "advisory 8.1 s before, still open"),
-        (8.1, 2.0, "advisory 8.1 s before, cleared 2.0 s before"),
+        (None, None, "without a warning in the 10 s before"),
+        (8.1, None, "warned of 8.1 s ahead, still open"),
+        (8.1, 2.0, "warned of 8.1 s ahead, cleared 2.0 s before"),
     ],
 )
 def test_a_moment_shows_whether_its_advisory_was_cleared(
@@ -165,7 +165,7 @@ def test_the_report_begins_with_a_sentence_for_a_meeting_that_the_terminal_shows
     sentence = first_sentences(result)
     assert sentence == (
         "In 0.4 minutes, 2 robots of 1 vendor got in each other's way once. The service warned of 1 of these (100 %),"
-        " of 1 at least 2 s ahead. Of its 1 warnings, 1 came true and 0 were in vain."
+        " of 1 at least 2 s ahead. Of its 1 warnings, 1 came true, 0 were in vain and 0 are not judged."
     )
     assert page(result, "Replay").index(escape(sentence)) < page(result, "Replay").index("<h2>")
     assert summary(result, [Path("out.json")]).splitlines()[:: len(list(findings(result))) + 1] == [

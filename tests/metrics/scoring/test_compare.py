@@ -1,13 +1,18 @@
+from math import nan
 from typing import Any
 
 import numpy as np
 
 from deconflict.foresight.probability.censoring import STAYED
-from metrics.scoring.compare import FigureChange, changes, page, situation_changes
+from metrics.scoring.compare import CONTACT_ALONE, FigureChange, changes, headline_changes, page, situation_changes
 from metrics.scoring.situation_scores import SituationScores
 from metrics.scoring.warnings.calibration_scores import CalibrationSamples, CalibrationTally
-from metrics.scoring.warnings.precision_by_encounters import Alert, score
+from metrics.scoring.warnings.judged_alerts import JudgedAlert, JudgedCases, JudgedOnset
+from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence, score
+from metrics.scoring.warnings.precision_by_outcomes import figures
+from metrics.scoring.warnings.warning_quality import WarningQuality
 from metrics.truth.encounters import RecordedEncounter
+from metrics.truth.pair_outcomes import Verdict
 from tests.metrics.scoring.made_situation_truth import NOBODY_LEFT
 
 
@@ -21,7 +26,18 @@ def result(recalled: int, of: int = 60, shift_s: float = 0.0) -> dict[str, Any]:
         )
         for pair, encounter in list(zip(pairs, encounters, strict=True))[:recalled]
     ]
-    scores, situations = [score(encounters, alerts, 0.3)], SituationScores().figures(NOBODY_LEFT)
+    onsets = [
+        JudgedOnset(
+            each.pair, ("A", "B"), each.start_s, False, (n < recalled,) * 4, 5 + shift_s if n < recalled else nan, None
+        )
+        for n, each in enumerate(encounters)
+    ]
+    judged_alerts = [JudgedAlert(each, ("A", "B"), 7.0, Verdict.TRUE, (5, 0, 0, 0, 0, 0, 2)) for each in alerts]
+    warnings = figures(JudgedCases(judged_alerts, onsets), RobotPresence(), {})
+    scores, situations = (
+        [score(encounters, alerts, 0.3) | {"warnings": warnings}],
+        SituationScores().figures(NOBODY_LEFT),
+    )
     return {"messages": 9, "robots": 2 * of, "span_s": 100.0 * of, "scores": scores, "situations": situations}
 
 
@@ -43,12 +59,12 @@ def test_fewer_predicted_encounters_show_as_lower_recall() -> None:
     figure_change = change("recall", result(50), result(25))
     assert figure_change.interval is not None
     assert figure_change.interval[0] < 25 / 60 - 50 / 60 < figure_change.interval[1] < 0
-    assert figure_change.meaning == "lower"
+    assert figure_change.meaning == "worse"
 
 
 def test_a_longer_lead_shows_as_higher() -> None:
     figure_change = change("lead_time_s", result(30), result(30, shift_s=2.0))
-    assert (figure_change.before, figure_change.after, figure_change.meaning) == (5.0, 7.0, "higher")
+    assert (figure_change.before, figure_change.after, figure_change.meaning) == (5.0, 7.0, "better")
 
 
 def test_without_predictions_there_is_no_interval() -> None:
@@ -62,11 +78,25 @@ def test_the_comparison_says_if_the_logs_differ() -> None:
     assert "60 and 60 foreseeable encounters" in page(result(30), result(20))
 
 
+def test_the_comparison_begins_with_the_figures_of_the_report_and_says_what_is_better() -> None:
+    a, b = result(25), result(50, shift_s=2.0)
+    warnings = [document["scores"][0]["warnings"] for document in (a, b)]
+    found = {change.figure: change for change in headline_changes(*warnings, same_log=True)}
+    qualities = [WarningQuality.of(part) for part in warnings]
+    assert [found["warned of"].before, found["warned of"].after] == [each.share_warned_of for each in qualities]
+    assert [found["came true"].before, found["came true"].after] == [each.share_came_true for each in qualities]
+    assert (found["ahead by, s"].before, found["ahead by, s"].after) == (5.0, 7.0)
+    assert (found["warned of"].meaning, found["ahead by, s"].meaning) == ("better", "better")
+    lines = page(a, b).splitlines()
+    assert lines[0] == "clearance 0.3 m: 60 and 60 times in each other's way"
+    assert lines.index(CONTACT_ALONE) < next(n for n, line in enumerate(lines) if line.startswith("precision"))
+
+
 def test_situations_are_compared_after_the_clearances() -> None:
     a, b = result(30), result(30)
     a["situations"]["cases"]["came_true"], b["situations"]["cases"]["came_true"] = "y" * 40, "n" * 20 + "y" * 20 + "-"
     came_true = next(situation_changes(a["situations"], b["situations"]))
-    assert (came_true.before, came_true.after, came_true.meaning) == (1.0, 0.5, "lower")
+    assert (came_true.before, came_true.after, came_true.meaning) == (1.0, 0.5, "worse")
     assert "\n0 and 0 situations\n" in page(a, b)
 
 
@@ -91,7 +121,7 @@ def test_probabilities_that_are_a_little_worse_show() -> None:
     assert figure_change.before is not None
     assert figure_change.after is not None
     assert 0 < figure_change.interval[0] < figure_change.after - figure_change.before < figure_change.interval[1]
-    assert figure_change.meaning == "higher"
+    assert figure_change.meaning == "worse"
 
 
 def test_results_without_every_group_are_not_paired() -> None:
