@@ -214,8 +214,8 @@ class Vendor(Section):
     """Short name in metrics and advisories."""
     manufacturers: tuple[str, ...] = ()
     """Further values of `manufacturerName` that mean this vendor. Case is ignored."""
-    participant: Literal["robot", "person"] = "robot"
-    """Whether robots move, or people who carry a device."""
+    participant: Literal["robot", "person", "driven"] = "robot"
+    """What moves: robots, people on foot who carry a device, or vehicles with a driver."""
     priority: Priority | None = None
     """Weight of a second of waiting in advice. If absent, 1 for robots and 10 for people."""
     default_envelope_m: Envelope | None = None

@@ -67,7 +67,7 @@ class StandoffAdvice:
         """`site` says which vendors are people, of whom nothing is asked, and onto which ground nobody is sent.
         `numbers` are ids to give."""
         self._measures, self._numbers = measures, count(1) if numbers is None else numbers
-        self._people = frozenset(vendor.name for vendor in site.vendors if vendor.participant == "person")
+        self._people = site.people
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}

@@ -1,12 +1,12 @@
 """What is predicted of pairs of robots in one pass: the input to the life of conflict advisories."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
-from ingest.batch import Bools, Floats, Pair
+from ingest.batch import Bools, Floats, Ints, Pair
 
 
 class Prediction(NamedTuple):
@@ -55,9 +55,13 @@ class Predictions(NamedTuple):
 
     def until(self, end_s: float) -> "Predictions":
         """Those of conflicts that begin by `end_s`."""
-        if end_s == inf:
-            return self
-        rows = np.flatnonzero(self.contact_s <= end_s)
+        return self if end_s == inf else self._of(np.flatnonzero(self.contact_s <= end_s))
+
+    def without(self, left_out: Callable[[Pair], bool]) -> "Predictions":
+        """Those of pairs that are not left out."""
+        return self._of(np.flatnonzero([not left_out(pair) for pair in self.pairs]))
+
+    def _of(self, rows: Ints) -> "Predictions":
         if len(rows) == len(self.pairs):
             return self
         columns = {name: column[rows] for name, column in self._asdict().items() if name != "pairs"}

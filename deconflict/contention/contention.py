@@ -11,6 +11,7 @@ from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, Fi
 from deconflict.contention import findings
 from deconflict.contention.ordinary.ordinary_blockages import OrdinaryBlockages
 from deconflict.contention.ordinary.ordinary_queues import OrdinaryQueues
+from deconflict.contention.people_on_foot import of_vehicles
 from deconflict.contention.queues.charger_forecast import (
     ChargerShortage,
     ChargingNeed,
@@ -71,10 +72,9 @@ class Contention:
         """`restored` are the advisories that were open before a restart. `crowds` has the robots that are in a crowd,
         and may change."""
         self.geometry = PlaceGeometry(site.resources, site.zones)
-        self.robots = RobotTable(self.geometry)
+        self.robots = RobotTable(self.geometry, site.people)
         self._settings, self._reading = site.contention, site.reading
         self._measures, self._crowds = measures, crowds
-        self._people = {vendor.name for vendor in site.vendors if vendor.participant == "person"}
         self._lifecycle = FindingLifecycle(site.contention.clear_after_s, restored)
         self._advice = make_advice(self.geometry)
         self._dwells = {resource.id: DwellTimes(resource) for resource in self.geometry.resources.values()}
@@ -149,7 +149,7 @@ class Contention:
         found = [*self._long_waits(now_s), *self._charger_shortages(now_s), *self._double_occupancies(now_s)]
         found += self._deadlocks_and_blockages(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
-        return self._lifecycle.revise(now_s, found, self._name_vendor)
+        return self._lifecycle.revise(now_s, of_vehicles(found, self.robots), self._name_vendor)
 
     def _name_vendor(self, uuid: str) -> tuple[str, str]:
         robot = self.robots[uuid]
@@ -207,8 +207,8 @@ class Contention:
         aisles = [zone.id for zone in self.geometry.zones.values() if zone.kind == "aisle"]
         capacity = {resource.id: resource.capacity for resource in self.geometry.resources.values()}
         wants = place_wants(journeys, capacity)
-        for_good = [each for each in in_way if self.robots[each.waiter].vendor not in self._people]
-        crossings = mutual_waits(self.crossings, self.robots, self._people)
+        for_good = [each for each in in_way if not self.robots[each.waiter].on_foot]
+        crossings = mutual_waits(self.crossings, self.robots)
         wants += [*aisle_wants(passing, aisles), *crossing_wants(crossings.values())]
         self._rings = rings([*wants, *way_wants(for_good, self.robots, aisles, now_s)])
         found = blockages(in_way, self.robots)

@@ -91,7 +91,7 @@ class Engine:
         what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
         are no advisories on queues, deadlocks, blockages and claims, and nothing is asked of robots.
         """
-        self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
+        self.site, self._people, self._conflicts_only, self.measures = site, site.people, conflicts_only, Measures()
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
@@ -199,9 +199,8 @@ class Engine:
         updated, self._updated = self._updated, set()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         dormant = self._let_sleep(now_s)
-        accuracy_m = COARSE_M if effort >= Effort.COARSE else ACCURACY_M
-        conflicts = self._sweep.find_conflicts(now_s, reach_s, accuracy_m)
-        self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._moves(pair)]
+        conflicts = self._sweep.find_conflicts(now_s, reach_s, COARSE_M if effort >= Effort.COARSE else ACCURACY_M)
+        self.near_misses = [pair for pair in self._trigger.new_pairs(conflicts) if self._is_near_miss(pair)]
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = [*self._conflicts.dismiss(crowded, numbers, ClearedCode.CROWDED, now_s)]
         revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
@@ -213,7 +212,8 @@ class Engine:
         if heard:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
         self.losses = self._placed_losses(now_s, revisions)
-        self._metrics.count_pass(conflicts, self.near_misses, revisions, self._conflicts.budget.deferred)
+        counted = self.near_misses, revisions, self._conflicts.budget.deferred
+        self._metrics.count_pass(conflicts, self._are_on_foot, *counted)
         count_losses(self.measures, self.losses)
         return revisions
 
@@ -276,18 +276,23 @@ class Engine:
         """By vendor, how many robots are compared with some others only."""
         return Counter(self.live.robots[uuid].vendor for uuid in self._claims.partly_examined())
 
-    def _moves(self, pair: Pair) -> bool:
-        return not all(map(self._scene.stands, pair))
+    def _is_near_miss(self, pair: Pair) -> bool:
+        return not (all(map(self._scene.stands, pair)) or self._are_on_foot(pair))
+
+    def _are_on_foot(self, pair: Pair) -> bool:
+        """Whether both are people on foot: nobody warns them of each other."""
+        return bool(self._people) and all(self.live.robots[uuid].vendor in self._people for uuid in pair)
 
     def _predictions(self, now_s: float, conflicts: PairConflicts) -> Predictions:
-        """The pairs in conflict by the sweep, and those that are likely to be although it does not say so."""
+        """The pairs in conflict by the sweep, and those that are likely to be although it does not say so, without
+        those of two people on foot."""
         swept = SweptConflicts(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s)
         foreseen = self.foresight.estimate(now_s, swept, held_probability(self.site.conflict))
         contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
         n = len(conflicts.pairs)
         contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
         start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
-        return Predictions(
+        predictions = Predictions(
             pairs=foreseen.pairs,
             contact_s=contact_s,
             separation_m=separation_m,
@@ -301,6 +306,7 @@ class Engine:
             still=foreseen.still,
             both_present=self.presence.both_there(foreseen.pairs),
         )
+        return predictions.without(self._are_on_foot) if self._people else predictions
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The probability of every examined pair to come within the clearance within the horizon, after `step`."""

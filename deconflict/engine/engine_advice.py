@@ -36,7 +36,7 @@ class EngineAdvice:
         self._live, self._sweeper, self._crowds, self._last_waited_s = live, sweeper, crowds, last_waited_s
         self._crowded: frozenset[str] = frozenset()
         """The robots that were in a crowd in the last pass."""
-        self._priorities = Priorities(site.vendors)
+        self._priorities, self._people = Priorities(site.vendors), site.people
         self.submit = submit
         self._answers = AsyncAnswers(submit)
         self.burden = Burden(burdens_s)
@@ -77,7 +77,6 @@ class EngineAdvice:
         return NearbyRobots(*near, lambda i: self._planned(*rows[i], waited_s[i]))
 
     def _planned(self, batch: Batch, row: int, waited_s: float) -> PlannedRobot:
-        vendor, holdable = batch.vendors[row], int(batch.basis[row]) != Basis.STATIONARY
-        return PlannedRobot(
-            batch.names[row], vendor, holdable, self._priorities.of(vendor, batch.models[row]), waited_s
-        )
+        vendor, stands = batch.vendors[row], int(batch.basis[row]) == Basis.STATIONARY
+        on_foot, priority = vendor in self._people, self._priorities.of(vendor, batch.models[row])
+        return PlannedRobot(batch.names[row], vendor, not (stands or on_foot), priority, waited_s, on_foot)

@@ -48,12 +48,14 @@ class EngineMetrics:
     def count_pass(
         self,
         conflicts: PairConflicts,
+        are_on_foot: Callable[[Pair], bool],
         near_misses: Sequence[Pair],
         revisions: Iterable[AnyAdvisory],
         deferred: Mapping[str, int],
     ) -> None:
-        """`deferred` is how many revisions of conflicts wait for a later pass, by vendor."""
-        self._conflicts = len(conflicts.pairs)
+        """Conflicts of two that `are_on_foot` do not count. `deferred` is how many revisions of conflicts wait for a
+        later pass, by vendor."""
+        self._conflicts = sum(not are_on_foot(pair) for pair in conflicts.pairs)
         self._measures.count(NEAR_MISSES, by=len(near_misses))
         count_revisions(self._measures, revisions)
         for vendor, conflicts_left in sorted(deferred.items()):

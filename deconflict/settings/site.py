@@ -195,5 +195,10 @@ class Site(Section):
     losses: LossSettings = LossSettings()
     blackbox: BlackBox = BlackBox()
 
+    @property
+    def people(self) -> frozenset[str]:
+        """Names of the vendors whose devices people on foot carry."""
+        return frozenset(vendor.name for vendor in self.vendors if vendor.participant == "person")
+
 
 DEFAULT = Site()

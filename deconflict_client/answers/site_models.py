@@ -64,7 +64,7 @@ class SiteVendor(BaseModel):
     """A vendor that the site file names."""
 
     name: str
-    participant: Literal["robot", "person"] = Field(description="what its devices stand for")
+    participant: Literal["robot", "person", "driven"] = Field(description="what its devices stand for")
 
 
 class SiteMap(BaseModel):

@@ -18,7 +18,8 @@ def chosen_actions(parts: PlanParts, pair: Pair, holds: Plan, before: Recommenda
 
     If `holds` resolve it, one of the held robots slows down instead of a long wait, if that costs less, or of a wait
     that is too short for people. If no hold does, and both robots are on their way: slowing down, backing out, another
-    route. Towards a robot that stands, and in a ring, only another route helps.
+    route. Towards a robot that stands, and in a ring, only another route helps. People on foot go
+    around what stands: nothing is asked of them.
     """
     plan = parts.plan
     if pair in plan.unplanned:
@@ -35,12 +36,15 @@ def chosen_actions(parts: PlanParts, pair: Pair, holds: Plan, before: Recommenda
 
 def _without_plan(parts: PlanParts, pair: Pair, before: Recommendation | None) -> tuple[Action, ...]:
     plan, planned = parts.plan, parts.plan.problem.planned
-    if plan.unplanned[pair] == pair and all(planned[robot].holdable for robot in pair):
-        movers = sorted(pair, key=plan.problem.reluctance)
+    on_foot = any(planned[robot].on_foot for robot in pair)
+    if plan.unplanned[pair] == pair and all(planned[robot].holdable or planned[robot].on_foot for robot in pair):
+        movers = sorted((robot for robot in pair if planned[robot].holdable), key=plan.problem.reluctance)
         if slowing := slow_down(plan, pair, movers, _standing(before, "slow_down")):
             return _with_other(parts, pair, slowing[0], "slows down")
         if backing := back_out(plan, pair, movers, _standing(before, "back_out")):
             return _with_other(parts, pair, backing, "backs out")
+    if on_foot and plan.problem.first_to_yield(plan.unplanned[pair]) is None:
+        return ()
     return (another_route(plan, pair, _standing(before, "take_another_route")),)
 
 

@@ -34,11 +34,13 @@ class PlannedRobot(NamedTuple):
     name: str
     vendor: str
     holdable: bool = True
-    """False if it stands anyway."""
+    """False if it stands anyway, or is a person on foot."""
     priority: float = 1.0
     """Weight of a second of its waiting."""
     waited_s: float = -inf
     """When it was last seen to wait as advised, seconds since the epoch."""
+    on_foot: bool = False
+    """Whether it is a person on foot: vehicles yield."""
 
 
 class NearbyRobots(NamedTuple):

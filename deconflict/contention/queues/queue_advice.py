@@ -144,7 +144,7 @@ class QueueAdvice:
     ) -> Recommendation:
         """Who backs out: the one that should have waited by `standing`, unless another is cheaper by `switch_s`."""
         lane = ring[0].where
-        can_back = [link for link in ring if not robots[link.waiter].pulls_trailers]
+        can_back = [link for link in ring if not (robots[link.waiter].pulls_trailers or robots[link.waiter].on_foot)]
         if not can_back:
             return NO_ORDER
         lane_m, switch_s = self._geometry.lane_m(lane), self._settings.switch_s

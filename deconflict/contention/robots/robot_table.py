@@ -1,6 +1,6 @@
 """What contention knows of each robot: where it stands, what it has, where it goes next and by which path."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from deconflict.contention.robots.record_kernels import (
     rest_of,
     update_records,
 )
-from deconflict.contention.robots.robot_view import RobotView, first_fields
+from deconflict.contention.robots.robot_view import FirstFields, RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
@@ -46,9 +46,10 @@ RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 class RobotTable(Mapping[str, RobotView]):
     """Every robot, by UUID."""
 
-    def __init__(self, geometry: PlaceGeometry) -> None:
+    def __init__(self, geometry: PlaceGeometry, people: Container[str] = ()) -> None:
+        """`people` are the vendors whose devices people on foot carry."""
         self.arrivals, self.batteries = ArrivalForecast(), BatteryUse()
-        self._geometry = geometry
+        self._geometry, self._people = geometry, people
         self._slots = RobotSlots()
         self.records = np.zeros(0, ROBOT)
         """By slot, with spare rows."""
@@ -62,7 +63,7 @@ class RobotTable(Mapping[str, RobotView]):
         self._zones = self._outlines(geometry.zone_boxes())
         self._places = list(geometry.resources)
         self._place_number = {place: number for number, place in enumerate(self._places)}
-        self._names: dict[str, tuple[str, str, str, bool, float]] = {}
+        self._names: dict[str, FirstFields] = {}
         """By UUID, the first fields of its view."""
         self._here: dict[int, tuple[str, float]] = {}
         """By slot, the resource that a robot has, and since when."""
@@ -113,7 +114,7 @@ class RobotTable(Mapping[str, RobotView]):
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
-        self._names.update(zip(batch.robots, first_fields(batch), strict=True))
+        self._names.update(zip(batch.robots, first_fields(batch, self._people), strict=True))
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(

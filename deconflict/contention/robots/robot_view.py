@@ -1,6 +1,6 @@
 """The facts of one robot that contention uses."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from deconflict.contention.robots.destinations import PlannedStop
@@ -23,6 +23,8 @@ class RobotView:
     """Whether it can't back, because its trailers would fold."""
     reports_within_s: float
     """Its next report may come as late as this by the rules of its language; 0 if there is no such rule."""
+    on_foot: bool
+    """Whether it is a person on foot, who goes around what stands, and of whom nothing is asked."""
     event_s: float
     """Time of the newest pose."""
     x_m: float
@@ -71,9 +73,14 @@ class RobotView:
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
 
 
-def first_fields(batch: Batch) -> Iterator[tuple[str, str, str, bool, float]]:
-    """Of each robot of a batch the fields of its view from `vendor` to `reports_within_s`."""
+FirstFields = tuple[str, str, str, bool, float, bool]
+"""The fields of a view from `vendor` to `on_foot`."""
+
+
+def first_fields(batch: Batch, people: Container[str]) -> Iterator[FirstFields]:
+    """Those of each robot of a batch. `people` are the vendors whose devices people on foot carry."""
     trains = set(rows_of_trains(batch.forecasts))
     pulls_trailers = (row in trains for row in range(len(batch)))
     texts = batch.vendors, batch.names, batch.states
-    return zip(*texts, pulls_trailers, batch.reports_within_s.tolist(), strict=True)
+    on_foot = (vendor in people for vendor in batch.vendors)
+    return zip(*texts, pulls_trailers, batch.reports_within_s.tolist(), on_foot, strict=True)

@@ -73,7 +73,7 @@ def detour(
         _plan([*moves[row::-1], *moves[:row:-1]], refuge)
         for row in range(len(moves))
         for refuge in refuges
-        if refuge.datum == datum
+        if refuge.datum == datum and not robots[moves[row].robot].on_foot
     ]
     if not plans:
         return None

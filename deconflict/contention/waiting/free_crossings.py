@@ -1,6 +1,6 @@
 """Robots that stand before a crossing that is free, each for the other: as a ring of waits, and what ends it."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from deconflict.contention.robots.robot_table import RobotTable
@@ -35,16 +35,14 @@ class Crossing:
         return (ax + bx) / 2, (ay + by) / 2
 
 
-def mutual_waits(
-    crossings: Iterable[Crossing], robots: RobotTable, people: Collection[str]
-) -> dict[frozenset[str], Crossing]:
-    """By its robots, the crossings at which robots of two vendors still stand; `people` are vendors of people."""
+def mutual_waits(crossings: Iterable[Crossing], robots: RobotTable) -> dict[frozenset[str], Crossing]:
+    """By its robots, the crossings at which robots of two vendors still stand, and nobody on foot."""
     found = {}
     for crossing in crossings:
         if not all(uuid in robots and robots.rests_since_s(uuid) <= crossing.since_s for uuid in crossing.robots):
             continue
-        vendors = {robots[uuid].vendor for uuid in crossing.robots}
-        if len(vendors) > 1 and vendors.isdisjoint(people):
+        views = [robots[uuid] for uuid in crossing.robots]
+        if len({view.vendor for view in views}) > 1 and not any(view.on_foot for view in views):
             found[frozenset(crossing.robots)] = crossing
     return found
 

@@ -7,6 +7,10 @@ export const KINDS = {
   meeting: "Two robots meet", head_on: "Head-on", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
   blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
 };
+// What a situation is, in the fewest words. `people` are vendors.
+export function title(situation, people) {
+  return situation.situation_kind === "meeting" && isWithPerson(situation, people) ? "A robot meets a person" : KINDS[situation.situation_kind];
+}
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
 // What a robot should do, in the fewest words: "wait 12 s", "back out to Lift 1".
 export function order({ action, seconds: forS, speed_mps: speed, where }) {
@@ -131,15 +135,17 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-// In the order at a time: what is over last, the most severe first, what is far ahead after the rest, then what can still be
-// prevented, then what costs most.
-export function mostUrgentFirst(revisions, nowS) {
+// In the order at a time: what is over last, the most severe first, of these first what is between a person on foot and a
+// vehicle, what is far ahead after the rest, then what can still be prevented, then what costs most. `people` are vendors.
+export function mostUrgentFirst(revisions, nowS, people) {
   const ranked = revisions.map((revision) => {
     const begins = seconds(revision.predicted_at);
-    return { revision, ranks: [isOver(revision), SEVERITIES.indexOf(revision.severity), begins - nowS > FAR_S, isLost(revision), -cost(revision), begins] };
+    return { revision, ranks: [isOver(revision), SEVERITIES.indexOf(revision.severity), !isWithPerson(revision, people), begins - nowS > FAR_S, isLost(revision), -cost(revision), begins] };
   });
   return ranked.sort(compare).map(({ revision }) => revision);
 }
+
+function isWithPerson({ vendors }, people) { return vendors.some((vendor) => people.has(vendor)) && !vendors.every((vendor) => people.has(vendor)); }
 
 function compare(a, b) {
   const at = a.ranks.findIndex((rank, i) => rank !== b.ranks[i]);

@@ -39,8 +39,7 @@ class SuggestedPlaces:
 
     @classmethod
     def of(cls, site: Site) -> Self:
-        people = frozenset(vendor.name for vendor in site.vendors if vendor.participant == "person")
-        return cls(tuple(_served(site)), frozenset(_aisles(site)), people)
+        return cls(tuple(_served(site)), frozenset(_aisles(site)), site.people)
 
 
 def _served(site: Site) -> Iterable[ServedPlace]:

@@ -19,12 +19,12 @@ from tests.helpers.saying import robot
         (Vendor(name="Alder", priority=3.0), "B"),
         (Vendor(name="Basalt", priority=3.0), "A"),
         (Vendor(name="Basalt", participant="person"), "A"),
-        (Vendor(name="Basalt", participant="person", priority=0.5), "B"),
+        (Vendor(name="Basalt", participant="person", priority=0.5), "A"),
         (Vendor(name="Alder", models={"A1": Model(priority=3.0)}), "B"),
     ],
 )
 def test_of_two_that_cross_the_one_with_the_lower_priority_holds(vendor: Vendor, yields: str) -> None:
-    """Both come at the same time; what is known of earlier burdens says otherwise."""
+    """Both come at the same time; what is known of earlier burdens says otherwise. People on foot never yield."""
     floor = Floor(
         {"A": eastward(x=-12.0), "B": northward(y=-12.0)},
         site=SITE.model_copy(update={"vendors": (vendor,)}),

@@ -187,9 +187,10 @@ def test_a_place_counts_a_robot_from_its_first_picture_on(browser: "Browser", se
     """Robots that have just reported are new to the map."""
     script = """async () => {
         const { FloorMap } = await import("/page/map/floor_map.js");
+        const { Vendors } = await import("/page/list/vendors.js");
         const camera = { width: 100, height: 100, scale: 10, px: (x) => 10 * x, py: (y) => 10 * y,
                          metres: (px, py) => [px / 10, py / 10] };
-        const map = new FloorMap(document.createElement("canvas"), camera, { colour: () => "#000", mark: () => 0 });
+        const map = new FloorMap(document.createElement("canvas"), camera, new Vendors());
         const place = { id: "c", name: "C", kind: "charger", capacity: 1, polygon: [[0, 0], [4, 0], [4, 4], [0, 4]] };
         const robot = { uuid: "r", name: "R", vendor: "V", knots: [0, 2, 2, 0], eventS: 0, lengthM: 1, widthM: 1,
                         doubtM: 0, trailers: [] };

@@ -130,9 +130,10 @@ async def test_the_age_of_a_robot_that_is_not_heard_stands_beside_it(browser: "B
     """At a scale at which other robots have no name."""
     script = """async () => {
         const { FloorMap } = await import("/page/map/floor_map.js");
+        const { Vendors } = await import("/page/list/vendors.js");
         const camera = { width: 900, height: 100, scale: 9, px: (x) => 9 * x, py: (y) => 9 * y,
                          metres: (px, py) => [px / 9, py / 9] };
-        const map = new FloorMap(document.createElement("canvas"), camera, { colour: () => "#000", mark: () => 0 });
+        const map = new FloorMap(document.createElement("canvas"), camera, new Vendors());
         const robots = [["", 1], ["quiet", 5], ["silent", 150]].map(([away, ageS], i) => ({
             uuid: `${i}`, name: `Robot ${i}`, away, vendor: "V", knots: [0, 20 + 25 * i, 5, 0], eventS: 0,
             arrivalS: -ageS, lengthM: 1, widthM: 1, doubtM: 0, trailers: [] }));

@@ -490,3 +490,28 @@ async def test_sound_and_notifications_are_off_until_chosen_and_then_come_with_w
         await page.wait_for_selector('[data-id="situation-3"]')
         await until(page, "tones === 6")
         assert await page.evaluate("notices.length") == 1
+
+
+async def test_what_is_between_a_person_and_a_vehicle_comes_first_of_its_severity_and_people_are_counted_apart(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async () => {
+        const { mostUrgentFirst } = await import("/page/texts.js"), { Vendors } = await import("/page/list/vendors.js");
+        const open = { kind: "situation", advisories: ["a"], predicted_at: "2026-01-01T00:00:10Z", cost_s: 0 };
+        const one = (id, severity, ...vendors) => ({ ...open, id, severity, vendors });
+        const listed = [
+            one("robots", "warning", "Alder", "Basalt"), one("people", "warning", "Walkers", "Walkers"),
+            one("mixed", "warning", "Alder", "Walkers"), one("worst", "critical", "Alder", "Basalt"),
+        ];
+        const vendors = new Vendors();
+        vendors.ofKind.get("person").add("Walkers");
+        vendors.ofKind.get("driven").add("Forks");
+        const robots = ["Alder", "Alder", "Walkers", "Forks", "Walkers"].map((vendor) => ({ vendor }));
+        const order = mostUrgentFirst(listed, Date.parse("2026-01-01T00:00:00Z") / 1000, vendors.people);
+        return [order.map(({ id }) => id), vendors.counted(robots), vendors.counted([])];
+    }"""
+    async with opened(browser, face) as page:
+        order, counted, nobody = await page.evaluate(script)
+        await until(page, f"document.getElementById('counted').textContent === '{ROBOTS} robots'")
+    assert order == ["worst", "mixed", "people", "robots"]
+    assert (counted, nobody) == ("2 robots, 1 driven vehicle, 2 people", "0 robots")

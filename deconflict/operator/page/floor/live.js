@@ -23,9 +23,10 @@ export function robotsOf(frame) {
 
 export class Live {
   // `fellBehind` is called when the page begins anew, because it could not keep up or heard nothing for long. `hasPublished` is
-  // called with the number of the newest revision, and the service's time when that was the newest.
-  constructor(fellBehind, hasPublished) {
-    Object.assign(this, { fellBehind, hasPublished });
+  // called with the number of the newest revision, and the service's time when that was the newest. `counted(robots)` says in
+  // words how many there are.
+  constructor(fellBehind, hasPublished, counted) {
+    Object.assign(this, { fellBehind, hasPublished, counted });
     this.robots = new Map();
     this.health = {};
     this.tickS = 0;

@@ -23,7 +23,7 @@ export function liveStatus(live, feed) {
   const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[health.effort];
   if (reduced) return ["live", `Live, but the service can't keep up: ${reduced}`];
   if (health.delivery?.reason) return ["live", `Live, but ${health.delivery.reason}`];
-  return ["live", `Live: ${live.robots.size} robots`];
+  return ["live", `Live: ${live.counted([...live.robots.values()])}`];
 }
 
 function listOf(live, { completeS }) { return `these are the warnings of ${clock(completeS)}, ${ago(live.nowS() - completeS)}`; }

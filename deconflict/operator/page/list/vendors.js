@@ -23,7 +23,7 @@ const CLOCK = { hour: "2-digit", minute: "2-digit" };
 export class Vendors {
   constructor() {
     this.names = [];
-    this.people = new Set();
+    this.ofKind = new Map([["person", new Set()], ["driven", new Set()]]); // by kind of participant, the vendors; others have robots
     this.healths = []; // the last `RATE_SAMPLES` healths of the service
   }
 
@@ -43,19 +43,32 @@ export class Vendors {
     return colours[this.indexOf(name) % colours.length];
   }
 
+  get people() { return this.ofKind.get("person"); }
+
+  kind(name) { return [...this.ofKind.keys()].find((kind) => this.ofKind.get(kind).has(name)) ?? "robot"; }
+
+  // How many robots, people and driven vehicles there are: "45 robots, 15 people".
+  counted(robots) {
+    const groups = Map.groupBy(robots, ({ vendor }) => this.kind(vendor)), people = groups.get("person")?.length;
+    const words = [["robot", "robot"], ["driven", "driven vehicle"]].filter(([kind]) => kind === "robot" || groups.has(kind)).map(([kind, noun]) => plural(groups.get(kind)?.length ?? 0, noun));
+    return [...words, ...(people ? [`${people} ${people === 1 ? "person" : "people"}`] : [])].join(", ");
+  }
+
   mark(name) {
     return this.people.has(name) ? MARKS : this.indexOf(name) % MARKS;
   }
 
-  legend(box, theme, draw) {
-    const key = `${theme} ${this.names.map((name) => `${name} ${this.mark(name)}`).join("\n")}`;
+  // `counted` is what is on the floor, in words.
+  legend(box, theme, draw, counted) {
+    const key = `${theme} ${counted} ${this.names.map((name) => `${name} ${this.mark(name)}`).join("\n")}`;
     if (box.dataset.key === key) return;
     box.dataset.key = key;
-    box.replaceChildren(...this.names.map((name) => {
+    const count = Object.assign(document.createElement("span"), { id: "counted", textContent: counted });
+    box.replaceChildren(count, ...this.names.map((name) => {
       const entry = document.createElement("span"), sign = document.createElement("canvas");
       sign.width = 48;
       sign.height = 36;
-      draw(sign.getContext("2d"), this.colour(name, theme), this.mark(name));
+      draw(sign.getContext("2d"), this.colour(name, theme), this.mark(name), this.kind(name));
       entry.append(sign, name);
       return entry;
     }));

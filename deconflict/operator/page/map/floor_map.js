@@ -12,8 +12,7 @@ const MOST_EXACT = 100; // with more robots, ribbons are drawn as lines of the r
 const MOST_LABELLED = 120; // with more robots, only involved and chosen robots have a label
 const LABEL = { chosen: 4, first: 3, picked: 2, advised: 1, involved: 0, other: -1 }; // whose label is drawn first
 const MOST_RIBBONS = 3000; // with more robots, there are no ribbons
-const SPECK_SCALE = 4; // pixels a metre: below, envelopes are drawn as specks
-const SPECK_PX = 5;
+const SYMBOL_PX = 12; // whoever would be smaller is drawn as a symbol of this size: it is seen on a wall, with the whole floor in view
 const MOST_AVOIDED = 1500; // with more robots, labels may cover robots
 
 export class FloorMap {
@@ -130,8 +129,10 @@ export class FloorMap {
       const [{ vendor, away }] = group;
       pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
       pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      if (camera.scale < SPECK_SCALE) this.specks(group);
-      else this.envelopes(group, vendor, away);
+      const [small, large] = [true, false].map((isSmall) => group.filter((robot) => this.isSymbol(robot) === isSmall));
+      if (small.length) this.symbols(small, vendor, away);
+      pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
+      if (large.length) this.envelopes(large, vendor, away);
       pen.globalAlpha = 1;
     }
     for (const robot of robots) this.decorations(robot, scene);
@@ -147,28 +148,38 @@ export class FloorMap {
 
   // What a robot covers on the canvas.
   boxOf(robot) {
-    const { camera } = this, cos = Math.abs(Math.cos(robot.yaw)), sin = Math.abs(Math.sin(robot.yaw)), least = SPECK_PX / 2;
+    const { camera } = this, cos = Math.abs(Math.cos(robot.yaw)), sin = Math.abs(Math.sin(robot.yaw)), least = this.isSymbol(robot) ? (SYMBOL_PX * this.unit) / 2 : 0;
     const wide = Math.max(((robot.lengthM * cos + robot.widthM * sin) / 2) * camera.scale, least), high = Math.max(((robot.lengthM * sin + robot.widthM * cos) / 2) * camera.scale, least);
     const x = camera.px(robot.x), y = camera.py(robot.y);
     return { left: x - wide, right: x + wide, top: y - high, bottom: y + high, wide: 2 * wide, high: 2 * high };
   }
 
-  // Draws an envelope of a few pixels as a square of the same area: its heading could not be seen, and a thousand squares take
-  // as long as a hundred outlines.
-  specks(group) {
-    const { pen, camera } = this;
+  // Whether an envelope would be so small that a symbol is drawn in its place.
+  isSymbol({ lengthM, widthM }) { return Math.sqrt(lengthM * widthM) * this.camera.scale < SYMBOL_PX * this.unit; }
+
+  // Draws people as discs, vehicles with a driver as diamonds and robots as squares, with the vendor's sign.
+  symbols(group, vendor, away) {
+    const { camera } = this, path = new Path2D(), signs = new Path2D(), size = SYMBOL_PX * this.unit;
     for (const robot of group) {
-      const side = Math.max(SPECK_PX, Math.sqrt(robot.lengthM * robot.widthM) * camera.scale);
-      pen.fillRect(camera.px(robot.x) - side / 2, camera.py(robot.y) - side / 2, side, side);
+      const x = camera.px(robot.x), y = camera.py(robot.y);
+      symbol(path, this.vendors.kind(vendor), x, y, size);
+      sign(signs, x, y, robot.yaw, size, this.vendors.mark(vendor));
     }
+    this.inked(path, signs, away);
   }
 
   envelopes(group, vendor, away) {
-    const { pen, camera, ink } = this, path = new Path2D(), noses = new Path2D();
+    const { camera } = this, path = new Path2D(), noses = new Path2D();
     for (const robot of group) {
       train(path, camera, robot, robot.atS, this.pose);
       sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
     }
+    this.inked(path, noses, away);
+  }
+
+  // Bodies in the colour that is set, their outline, and the signs on them.
+  inked(path, signs, away) {
+    const { pen, ink } = this, colour = pen.fillStyle;
     pen.fill(path);
     pen.globalAlpha = 1;
     pen.setLineDash(away ? [4, 3] : []);
@@ -177,7 +188,8 @@ export class FloorMap {
     pen.stroke(path);
     pen.setLineDash([]);
     pen.fillStyle = ink.halo;
-    pen.fill(noses);
+    pen.fill(signs);
+    pen.fillStyle = colour;
   }
 
   // A robot's outline if it is involved or chosen, and the circle of its uncertainty.
@@ -185,7 +197,8 @@ export class FloorMap {
     const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
     if (involved || chosen) {
       const path = new Path2D();
-      train(path, camera, robot, robot.atS, this.pose, 3 / camera.scale);
+      if (this.isSymbol(robot)) symbol(path, this.vendors.kind(robot.vendor), camera.px(robot.x), camera.py(robot.y), SYMBOL_PX * this.unit + 6);
+      else train(path, camera, robot, robot.atS, this.pose, 3 / camera.scale);
       pen.strokeStyle = chosen ? ink.accent : ink[involved];
       pen.lineWidth = chosen || scene.highlighted.has(robot.uuid) ? 4 : 2.5;
       pen.stroke(path);
@@ -227,13 +240,26 @@ export class FloorMap {
   }
 }
 
-export function swatch(pen, colour, mark) {
-  const path = new Path2D();
+export function swatch(pen, colour, mark, kind) {
+  const path = new Path2D(), body = new Path2D();
   pen.fillStyle = colour;
-  pen.fillRect(2, 4, 44, 28);
+  symbol(body, kind, 24, 18, 32);
+  pen.fill(body);
   sign(path, 24, 18, 0, 26, mark);
   pen.fillStyle = document.documentElement.dataset.theme === "dark" ? "#0e141a" : "#ffffff";
   pen.fill(path);
+}
+
+// Adds the symbol of a kind of participant to a path: its shape tells the kind, also without colours.
+function symbol(path, kind, x, y, size) {
+  const half = size / 2;
+  if (kind === "person") {
+    path.moveTo(x + half, y);
+    path.arc(x, y, half, 0, 2 * Math.PI);
+  } else if (kind === "driven") {
+    [[1.2, 0], [0, 1.2], [-1.2, 0], [0, -1.2]].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * half, y + b * half));
+    path.closePath();
+  } else path.rect(x - half, y - half, size, size);
 }
 
 // A vendor's sign, which points in the robot's heading: arrow, chevron, tee, notched arrow. The sign of a person is a dot.

@@ -3,7 +3,7 @@
 import { FADE_MS } from "../floor/feed.js";
 import { inside } from "./places.js";
 import { AROUND, leader } from "./labels.js";
-import { KINDS, SIGNS, countdown, isOver, needsSomebody } from "../texts.js";
+import { SIGNS, countdown, isOver, needsSomebody, title } from "../texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const OVER = 0.25; // opacity of what is over but may come back
@@ -88,8 +88,8 @@ export class SituationLayer {
 
   // What nobody has to do anything about has a label only where there is room beside it.
   label(situation, nowS, picked) {
-    const { pen, unit } = this.map, { id, severity, acknowledgement, situation_kind: kind } = situation;
-    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${KINDS[kind]}, ${countdown(situation, nowS)}`;
+    const { pen, unit } = this.map, { id, severity, acknowledgement } = situation;
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${title(situation, this.map.vendors.people)}, ${countdown(situation, nowS)}`;
     pen.font = FONT(unit);
     const { box } = this.shape(situation);
     if (!this.map.labels.inSight(box)) return null;

@@ -1,0 +1,80 @@
+"""People on foot are not warned of each other, and nothing is asked of them: vehicles yield."""
+
+import pytest
+
+from deconflict.advisories.advisory_counts import NEAR_MISSES
+from deconflict.settings.shared_places import Resource, Zone
+from deconflict.settings.site import Site
+from deconflict_client.advisory import Action, BlockageAdvisory
+from ingest.settings import Vendor
+from tests.deconflict.advice.made_near import until_advised
+from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
+from tests.deconflict.engine.made_engine import SITE, Floor, eastward, northward
+from tests.helpers.saying import robot
+
+WALKERS = Vendor(name="Walkers", participant="person")
+
+
+def people_at(*places: Resource | Zone) -> Site:
+    return site(*places, vendors=(WALKERS,))
+
+
+def crossing(*people: str) -> Floor:
+    """Two that cross each other's way."""
+    return Floor(
+        {"A": eastward(x=-12.0), "B": northward(y=-12.0)},
+        site=SITE.model_copy(update={"vendors": (WALKERS,)}),
+        makers=dict.fromkeys(people, "Walkers"),
+    )
+
+
+def test_two_people_on_foot_are_not_warned_of_each_other_and_no_near_miss_is_kept() -> None:
+    floor, with_robot = crossing("A", "B"), crossing("B")
+    assert with_robot.run(20.0)
+    assert sum(with_robot.engine.measures.values[NEAR_MISSES].values()) == 1
+    assert not floor.run(20.0)
+    assert not sum(floor.engine.measures.values[NEAR_MISSES].values())
+
+
+@pytest.mark.parametrize("vendor", ["Alder", "Walkers"])
+def test_what_is_of_people_on_foot_alone_is_no_finding(vendor: str) -> None:
+    robots = {
+        "A": Script([(0, -0.6, 0)], state=lambda _: "idle", vendor="Walkers"),
+        "B": Script([(0, 0.6, 0.6)], state=lambda _: "idle", vendor=vendor),
+    }
+    found = raised(Scene(people_at(resource("d1", 0, 0)), robots).run(5), "double_occupancy")
+    assert bool(found) is (vendor == "Alder")
+
+
+@pytest.mark.parametrize("person", ["A", "B"])
+def test_of_a_person_and_a_robot_that_cross_the_robot_waits(person: str) -> None:
+    advisory, _ = until_advised(crossing(person))
+    assert advisory.recommendation
+    assert {hold.robot for hold in advisory.recommendation.holds} == {robot("B" if person == "A" else "A")}
+
+
+def test_in_a_lane_the_robot_backs_out_for_the_person() -> None:
+    """The person is less far in: of two robots it would be the one to back out."""
+    robots = {
+        "A": Script([(0, -16, 0), (40, 24, 0)], vendor="Walkers"),
+        "B": Script([(0, 16, 0), (40, -24, 0)]),
+    }
+    scene = Scene(people_at(aisle("lane", -8, 12)), robots)
+    (advisory,) = raised(scene.run(8), "deadlock")
+    last = [each for each in scene.run(12, from_s=8) if each.id == advisory.id][-1]
+    assert last.recommendation
+    assert asked(last.recommendation.actions) <= {robot("B")}
+    assert max(last.recommendation.slots, key=lambda slot: slot.wait_s).robot == robot("B")
+
+
+def test_a_person_is_not_asked_to_wait_for_a_robot_that_stands_in_the_way() -> None:
+    stands = Script([(0, 0, 0)], state=lambda _: "waitingExternalEvent")
+    walks = Script([(0, -20, 0), (40, 20, 0)], vendor="Walkers")
+    advisories = Scene(people_at(), {"A": stands, "C": walks}).run(16)
+    found = [each for each in advisories if isinstance(each, BlockageAdvisory)]
+    assert found, "the person is warned as before"
+    assert not [action for each in found if each.recommendation for action in each.recommendation.actions]
+
+
+def asked(actions: tuple[Action, ...]) -> set[str]:
+    return {action.robot for action in actions if action.action != "go_first"}
