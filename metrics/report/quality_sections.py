@@ -26,7 +26,7 @@ def quality_cells(part: Part) -> list[str]:
     return [
         f"{quality.events:,}",
         f"{quality.warned_of:,} ({percent(quality.share_warned_of)})",
-        number(quality.ahead_by_s and quality.ahead_by_s["median"]),
+        number(quality.ahead_by_s["median"] if quality.ahead_by_s else None),
         f"{quality.warnings:,}",
         f"{quality.came_true:,}",
         f"{quality.in_vain:,}",

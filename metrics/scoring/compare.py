@@ -106,9 +106,9 @@ def headline_changes(a: Score, b: Score, same_log: bool) -> Iterator[FigureChang
 
 def situation_changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[FigureChange]:
     """Every figure of the situations in two results."""
-    for name, word in OF_SITUATIONS.items():
+    for name, label in OF_SITUATIONS.items():
         before, after = _values(a["cases"][name]), _values(b["cases"][name])
-        yield FigureChange(word, mean(before), mean(after), _difference(before, after, mean, paired=False), 1)
+        yield FigureChange(label, mean(before), mean(after), _difference(before, after, mean, paired=False), 1)
     for name in ("per_robot_hour", "per_fresh_stop"):
         yield FigureChange(name, a[name], b[name], None)
     for name, (part, of_part) in AMOUNTS.items():

@@ -219,7 +219,7 @@ def _came(case: SituationCase, truth: SituationTruth) -> tuple[Verdict, float]:
         return Verdict.TRUE, min([onset_s for onset_s in onsets_s if onset_s >= case.raised_s] or onsets_s)
     if any(_is_any_within(outcomes.spans, together) for outcomes, together in pairs):
         return Verdict.IN_PROGRESS, nan
-    is_deadlock = case.kind is SituationKind.DEADLOCK
+    is_deadlock = case.kind == "deadlock"
     if truth.waits.began_s(tuple(case.listed), case.raised_s, case.cleared_s, is_deadlock=is_deadlock) < inf:
         return Verdict.HEEDED, nan
     is_doubted = any(_is_any_within(outcomes.doubted, together) for outcomes, together in pairs)

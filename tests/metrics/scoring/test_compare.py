@@ -81,7 +81,7 @@ def test_the_comparison_says_if_the_logs_differ() -> None:
 def test_the_comparison_begins_with_the_figures_of_the_report_and_says_what_is_better() -> None:
     a, b = result(25), result(50, shift_s=2.0)
     warnings = [document["scores"][0]["warnings"] for document in (a, b)]
-    found = {change.figure: change for change in headline_changes(*warnings, same_log=True)}
+    found = {change.figure: change for change in headline_changes(warnings[0], warnings[1], same_log=True)}
     qualities = [WarningQuality.of(part) for part in warnings]
     assert [found["warned of"].before, found["warned of"].after] == [each.share_warned_of for each in qualities]
     assert [found["came true"].before, found["came true"].after] == [each.share_came_true for each in qualities]
