@@ -91,6 +91,14 @@ def test_a_robot_that_did_as_advised_prevented_it(heeds: str | Pair) -> None:
     assert (figures["prevented"], figures["came_true"], figures["came_true_or_prevented"]) == (0.5, 0.0, 0.5)
 
 
+@pytest.mark.parametrize(("follows", "heeded"), [("a", 0), (("a", "b"), 1)], ids=["a stands", "a was asked for b"])
+def test_a_robot_that_stands_in_a_deadlock_does_not_wait_as_advised(follows: str | Pair, heeded: int) -> None:
+    waits = AdvisedWaits()
+    waits.add(NOW_S + 20, [follows])
+    figures = scored(story(situation_kind="deadlock"), replace(NOBODY_LEFT, waits=waits))
+    assert (figures["heeded"], figures["in_vain"]) == (heeded, 1 - heeded)
+
+
 @pytest.mark.parametrize(
     "truth",
     [
