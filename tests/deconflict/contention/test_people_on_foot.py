@@ -12,7 +12,8 @@ from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, res
 from tests.deconflict.engine.made_engine import SITE, Floor, eastward, northward
 from tests.helpers.saying import robot
 
-WALKERS = Vendor(name="Walkers", participant="person")
+WALKERS = Vendor(name="Walkers", participant="person", priority=0.1)
+"""Their waiting counts least, so that nothing but what they are has vehicles yield."""
 
 
 def people_at(*places: Resource | Zone) -> Site:
