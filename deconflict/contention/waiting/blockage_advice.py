@@ -34,14 +34,13 @@ def blockage_advice(
     quiet_after_s: float,
     now_s: float,
 ) -> Recommendation:
-    """The advice, with at least one action unless only people on foot are held up. The blocker is expected to stand
-    `left_s` longer."""
+    """The advice, with at least one action. The blocker is expected to stand `left_s` longer."""
     blocker = robots[blocked.blocker]
     if _needs_look(blocker, now_s - blocked.since_s, quiet_after_s, now_s):
         is_quiet = is_silent(blocker, quiet_after_s, now_s)
         reason = "silent" if is_quiet else state_phrase(blocker, quiet_after_s, now_s)
         of_blocker = [_action(blocker, "look", reason=reason, task=task_at(blocker, is_quiet))]
-    elif blocker.state == "idle" and not blocker.on_foot:
+    elif blocker.state == "idle":
         of_blocker = [_way_out(blocker, geometry, refuges)]
     else:
         of_blocker = []
@@ -70,8 +69,6 @@ def _way_out(blocker: RobotView, geometry: PlaceGeometry, refuges: Sequence[Refu
 def _actions_of_held_up(blocked: Blockage, robots: Mapping[str, RobotView], left_s: float) -> Iterator[Action]:
     around = f"around {robots[blocked.blocker].name}"
     for uuid in blocked.holds_up:
-        if robots[uuid].on_foot:
-            continue
         if left_s <= SHORT_S:
             yield _action(robots[uuid], "wait", seconds=max(float(ceil(left_s)), SHORTEST_WAIT_S))
         else:
