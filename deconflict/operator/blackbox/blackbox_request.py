@@ -30,6 +30,14 @@ class NearPair(NamedTuple):
         return cls(str(a), str(b), float(at_s), tuple(sorted(map(str, vendors))))
 
 
+class KnownNearMiss(NamedTuple):
+    """A near miss that an earlier box has."""
+
+    robots: tuple[str, str]
+    nearest_s: float
+    """When the two were nearest, seconds since the epoch."""
+
+
 class LearnedSnapshot(NamedTuple):
     """The engine's learned state at one tick."""
 
@@ -38,6 +46,8 @@ class LearnedSnapshot(NamedTuple):
     """As `learned_state.packed` writes it."""
     burdens_s: dict[str, float]
     """How long each vendor's robots had yielded."""
+    is_start: bool = False
+    """Whether an engine started with it: that has no memory of what was before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +66,11 @@ class BoxSpan:
     def around(
         cls, pairs: Sequence[NearPair], before_s: float, after_s: float, snapshot: LearnedSnapshot | None
     ) -> "BoxSpan":
+        """With less than `before_s` where the engine, or what is known of it, began later."""
         from_s, until_s = min(pair.at_s for pair in pairs) - before_s, max(pair.at_s for pair in pairs) + after_s
         engine_s = snapshot.at_s if snapshot else from_s - WARM_UP_S
-        return cls(engine_s - LEAD_S, engine_s, from_s, until_s)
+        exact_s = engine_s if snapshot and snapshot.is_start else engine_s + WARM_UP_S
+        return cls(engine_s - LEAD_S, engine_s, max(from_s, exact_s), until_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +89,5 @@ class BlackBoxRequest:
     """The advisory database, with what was decided until `span.until_s`."""
     pending: tuple[str, ...]
     """Revisions until then that are not in the database yet, in order, as JSON."""
+    known: tuple[KnownNearMiss, ...] = ()
+    """Those of the boxes before."""

@@ -23,7 +23,7 @@ from deconflict.operator.blackbox.archive import Archive, Box
 from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest
 from deconflict.operator.blackbox.hash_chain import HashChain
 from deconflict.operator.blackbox.hindsight import recorded_tracks
-from deconflict.operator.blackbox.near_misses import NearMiss, verified_near_miss
+from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event, verified_near_miss
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
@@ -59,7 +59,8 @@ EARLIER_SEGMENTS = 1
 
 
 def write_blackbox(request: BlackBoxRequest) -> Box | None:
-    """Write the file and register it; None if by the robots' reports no pair came within the clearance.
+    """Write the file and register it; None if by the robots' reports no pair came within the clearance, or
+    all that did are known.
 
     Reads the log three times, line by line. Raises `OSError`.
     """
@@ -95,7 +96,7 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
 def _near_misses(
     request: BlackBoxRequest, identities: Sequence[Received], decided: list[AnyAdvisory]
 ) -> list[NearMiss]:
-    """The near misses by the robots' own reports, ordered by time."""
+    """The near misses by the robots' own reports, one for each event, ordered by time."""
     robots = {uuid for pair in request.pairs for uuid in (pair.a, pair.b)}
     tracks, floors = recorded_tracks(request.site, _messages_of(request, identities, robots), robots)
     conflicts = [advisory for advisory in decided if isinstance(advisory, ConflictAdvisory)]
@@ -103,7 +104,7 @@ def _near_misses(
         verified_near_miss(pair, tracks, floors, request.site, conflicts, request.span.until_s)
         for pair in request.pairs
     )
-    return sorted((miss for miss in verified if miss), key=lambda miss: (miss.nearest.began_s, miss.robots))
+    return one_for_each_event(filter(None, verified), request.known)
 
 
 def _messages_of(request: BlackBoxRequest, identities: Sequence[Received], robots: set[str]) -> Iterator[Received]:

@@ -13,7 +13,14 @@ from pathlib import Path
 import msgspec
 
 from deconflict.operator.blackbox.archive import FOLDER, Archive, Box
-from deconflict.operator.blackbox.blackbox_request import WARM_UP_S, BlackBoxRequest, BoxSpan, LearnedSnapshot, NearPair
+from deconflict.operator.blackbox.blackbox_request import (
+    WARM_UP_S,
+    BlackBoxRequest,
+    BoxSpan,
+    KnownNearMiss,
+    LearnedSnapshot,
+    NearPair,
+)
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.learned_state import unpacked
 from deconflict.runtime.worker_process import WorkerError, run_in_process
@@ -42,6 +49,8 @@ MOST_LOGGED = 3
 """Most near misses of one box that the service's log describes."""
 LATEST_AT_S = 1e11
 """No near miss is later."""
+BOXES_BEFORE = 3
+"""A near miss of these boxes is not listed again."""
 PENDING = "pending.json"
 BLACKBOXES = "deconflict_blackboxes_total"
 
@@ -73,7 +82,7 @@ class Keeper:
 
     def engine_started(self, learned: bytes) -> None:
         """An engine starts with the learned state of the one before; `learned` is empty if there is none."""
-        self._snapshots.append(LearnedSnapshot(time.time(), learned, self._store.burdens_s()))
+        self._snapshots.append(LearnedSnapshot(time.time(), learned, self._store.burdens_s(), is_start=True))
 
     def add_snapshot(self, learned: bytes) -> None:
         """Take in the engine's learned state at a tick. Boxes start at such moments."""
@@ -139,7 +148,8 @@ class Keeper:
     def _request(self, pairs: list[NearPair]) -> BlackBoxRequest:
         settings = self.site.blackbox
         begins_s = min(pair.at_s for pair in pairs) - settings.before_s - WARM_UP_S
-        snapshot = next((snapshot for snapshot in reversed(self._snapshots) if snapshot.at_s <= begins_s), None)
+        oldest = next(iter(self._snapshots), None)
+        snapshot = next((snapshot for snapshot in reversed(self._snapshots) if snapshot.at_s <= begins_s), oldest)
         span = BoxSpan.around(pairs, settings.before_s, settings.after_s, snapshot)
         self.archive.directory.mkdir(parents=True, exist_ok=True)
         return BlackBoxRequest(
@@ -151,6 +161,7 @@ class Keeper:
             snapshot,
             self._store.path,
             tuple(advisory.model_dump_json() for advisory in self._store.pending_until(span.until_s)),
+            known_of(self.archive.boxes()[-BOXES_BEFORE:]),
         )
 
     def _prune(self) -> None:
@@ -194,6 +205,15 @@ class Keeper:
             log.warning("%s can't be read: %s", path, error)
         else:
             self.note(pairs)
+
+
+def known_of(boxes: Iterable[Box]) -> tuple[KnownNearMiss, ...]:
+    """The near misses that some boxes have."""
+    near_misses = (near_miss for box in boxes for near_miss in box["near_misses"])
+    return tuple(
+        KnownNearMiss((each["robots"][0], each["robots"][1]), datetime.fromisoformat(each["nearest_at"]).timestamp())
+        for each in near_misses
+    )
 
 
 def _ends_s(log_folder: Path) -> float:

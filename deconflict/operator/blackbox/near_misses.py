@@ -1,10 +1,11 @@
 """Near misses by the robots' own reports, and the delay that would have avoided each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
-from deconflict.operator.blackbox.blackbox_request import NearPair
+from deconflict.operator.blackbox.blackbox_request import KnownNearMiss, NearPair
 from deconflict.operator.blackbox.hindsight import (
     LONGEST_S,
     NearestApproach,
@@ -23,6 +24,8 @@ LONGEST_AFTER_S = 30.0
 """The nearest approach is at most this long after the engine noticed the pair."""
 LONGEST_BEFORE_S = 3.0
 """A near miss began at most this long before the engine noticed it."""
+APART_S = 3.0
+"""A pair that comes within the clearance this long after its nearest approach has met again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +118,24 @@ def verified_near_miss(
         advisory=advisory.id if advisory else None,
         warned_s=nearest.began_s - advisory.raised_at.timestamp() if advisory else None,
     )
+
+
+def one_for_each_event(misses: Iterable[NearMiss], known: Iterable[KnownNearMiss]) -> list[NearMiss]:
+    """The near misses that are events of their own, ordered by time. `known` are in an earlier box.
+
+    The engine notices an approach again once its forecasts have drawn apart meanwhile. What begins before a pair has
+    been apart for `APART_S` is the same event.
+    """
+    nearest_s: dict[tuple[str, str], float] = {}
+    for near_miss in known:
+        nearest_s[near_miss.robots] = max(near_miss.nearest_s, nearest_s.get(near_miss.robots, -inf))
+    found = []
+    for miss in sorted(misses, key=lambda miss: (miss.nearest.began_s, miss.robots)):
+        last_s = nearest_s.get(miss.robots, -inf)
+        if miss.nearest.began_s > last_s + APART_S:
+            found.append(miss)
+        nearest_s[miss.robots] = max(miss.nearest.at_s, last_s)
+    return found
 
 
 def _open_advisory(pair: NearPair, at_s: float, decided: Sequence[ConflictAdvisory]) -> ConflictAdvisory | None:

@@ -9,6 +9,9 @@ import zstandard
 from deconflict.operator.blackbox.archive import Box
 from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
+from deconflict.operator.blackbox.hindsight import NearestApproach
+from deconflict.operator.blackbox.keeper import known_of
+from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict_client.answers.blackbox_models import KeptBlackBox
@@ -37,6 +40,12 @@ def box(floor: Floor) -> Box:
     return made
 
 
+def made_miss(began_s: float, nearest_s: float) -> NearMiss:
+    nobody: tuple[str, str] = ("A-1", "B-1")
+    nearest = NearestApproach(began_s, 0.1, nearest_s)
+    return NearMiss(nobody, nobody, nobody, 0.3, nearest, ("hall", 0.0, 0.0), (None, None), None, None)
+
+
 def file_of(floor: Floor, box: Box) -> Path:
     return floor.order().archive / str(box["file"])
 
@@ -57,6 +66,25 @@ def test_a_near_miss_has_its_facts_and_the_delay_that_would_have_avoided_it(box:
     assert 0 < delays["Alder B-1"] <= 0.5, "the one behind need have been only a little later"
     assert delays["Alder A-1"] > delays["Alder B-1"] + 1
     assert f"A delay of {delays['Alder B-1']:g} s for Alder B-1 would have avoided it." in miss["summary"]
+
+
+def test_an_approach_that_the_engine_notices_twice_is_one_near_miss_and_no_other_box_has_it(
+    tmp_path: Path, floor: Floor, box: Box
+) -> None:
+    (pair,) = floor.near
+    noticed = tuple(pair._replace(at_s=pair.at_s + later_s) for later_s in (0.0, 1.0, 5.0))
+    order = replace(floor.order(), archive=tmp_path, pairs=noticed)
+    again = write_blackbox(order)
+    assert again
+    assert again["near_misses"] == box["near_misses"]
+    assert write_blackbox(replace(order, known=known_of([again]))) is None
+
+
+@pytest.mark.parametrize(("apart_s", "events"), [(2.0, 1), (4.0, 2)])
+def test_a_pair_that_meets_again_after_it_was_apart_is_another_event(apart_s: float, events: int) -> None:
+    first = made_miss(10.0, 11.0)
+    second = made_miss(11.0 + apart_s, 11.5 + apart_s)
+    assert len(one_for_each_event([second, first], ())) == events
 
 
 def test_the_stated_delay_avoids_the_near_miss_and_a_delay_one_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
