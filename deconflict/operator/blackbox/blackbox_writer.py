@@ -142,6 +142,7 @@ def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list
         "site": _site(request.site),
         "from": timestamps.write(span.from_s),
         "until": timestamps.write(span.until_s),
+        "resumed": snapshot is not None and not snapshot.is_start,
         "engine_restarts": sum(restart.now_s > span.engine_s + 1.0 for restart in restarts),
         "near_misses": [miss.document() for miss in misses],
         "open": [advisory.model_dump(mode="json") for advisory in published.open],
