@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from deconflict_client.participant_kinds import ParticipantKind
 from deconflict_client.verbs import Verb
 from ingest.shapes import MOST_PARTS, MOST_TRAILERS, Corner, ShapePart, outline_fault
 
@@ -214,7 +215,7 @@ class Vendor(Section):
     """Short name in metrics and advisories."""
     manufacturers: tuple[str, ...] = ()
     """Further values of `manufacturerName` that mean this vendor. Case is ignored."""
-    participant: Literal["robot", "person", "driven"] = "robot"
+    participant: ParticipantKind = "robot"
     """What moves: robots, people on foot who carry a device, or vehicles with a driver."""
     priority: Priority | None = None
     """Weight of a second of waiting in advice. If absent, 1 for robots and 10 for people."""

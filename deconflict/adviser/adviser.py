@@ -74,7 +74,8 @@ class Adviser:
     def _begin(self) -> None:
         measures = Measures()
         self._fleet = fleet_of(self._settings, measures)
-        self._robots = RobotTable(PlaceGeometry(self._settings.resources, self._settings.zones))
+        geometry = PlaceGeometry(self._settings.resources, self._settings.zones)
+        self._robots = RobotTable(geometry, self._settings.people)
         self._advice = StandoffAdvice(self._settings, measures, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:

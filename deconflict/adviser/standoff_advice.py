@@ -64,10 +64,8 @@ class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
     def __init__(self, site: Site, measures: Measures, numbers: Iterator[int] | None = None) -> None:
-        """`site` says which vendors are people, of whom nothing is asked, and onto which ground nobody is sent.
-        `numbers` are ids to give."""
+        """`site` says what vendors can do, and onto which ground nobody is sent. `numbers` are ids to give."""
         self._measures, self._numbers = measures, count(1) if numbers is None else numbers
-        self._people = site.people
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}
@@ -262,9 +260,10 @@ class StandoffAdvice:
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)
+            is_on_foot = robots[option.robot].on_foot or robots[option.yields[0]].on_foot
             is_asked = any(uuid in asked for uuid in option.yields for asked in (self._open, self._waiting))
             is_own = yielding == other and stood_s < OWN_STANDS_S
-            if is_own or self._people & {vendor, yielding} or is_asked:
+            if is_own or is_on_foot or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
                 behind = self._standing.behind(option.robot), self._standing.behind(option.other)

@@ -6,6 +6,7 @@ from pydantic import BaseModel, Field
 
 from deconflict_client.answers.filter_models import Filtered
 from deconflict_client.answers.vendor_models import NamedOddValue
+from deconflict_client.participant_kinds import ParticipantKind
 
 
 class RobotClock(BaseModel):
@@ -64,9 +65,7 @@ class HeardRobot(BaseModel):
     name: str
     vendor: str
     language: str = Field(description="standard of its messages")
-    participant: Literal["robot", "person", "driven"] = Field(
-        description="what its vendor's devices stand for, by the site file"
-    )
+    participant: ParticipantKind = Field(description="what its vendor's devices stand for, by the site file")
     source: str = Field(description="where its messages come from")
     examined: bool = Field(description="whether it is compared with others as soon as it can be")
     unexamined_reason: str | None = None

@@ -1,8 +1,8 @@
 """The site as `GET /site` returns it: what a map shows below the robots, in metres in the frame of each floor."""
 
-from typing import Literal
-
 from pydantic import BaseModel, Field
+
+from deconflict_client.participant_kinds import ParticipantKind
 
 Corners = list[tuple[float, float]]
 
@@ -64,7 +64,7 @@ class SiteVendor(BaseModel):
     """A vendor that the site file names."""
 
     name: str
-    participant: Literal["robot", "person", "driven"] = Field(description="what its devices stand for")
+    participant: ParticipantKind = Field(description="what its devices stand for")
 
 
 class SiteMap(BaseModel):

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 from math import ceil, nan
 from typing import NamedTuple
 
-from deconflict.operator.blackbox.prior_warning import OpenSpan, warning_before
 from ingest.batch import Pair
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
@@ -141,5 +140,10 @@ def _ahead_s(alerts: Sequence[Alert], onset_s: float) -> float:
     return nan if warning is None else onset_s - warning.raised_s
 
 
-def _before(alerts: Sequence[Alert], onset_s: float) -> OpenSpan | None:
-    return warning_before((OpenSpan(alert.raised_s, alert.cleared_s) for alert in alerts), onset_s)
+def _before(alerts: Sequence[Alert], onset_s: float) -> Alert | None:
+    """Of the alerts of a pair, the warning of an onset; None if it was not warned of.
+
+    An alert that is open at the onset comes before a cleared alert, and an earlier alert before a later alert.
+    """
+    before = (alert for alert in alerts if alert.raised_s <= onset_s and alert.cleared_s > onset_s - WITHIN_S)
+    return min(before, key=lambda alert: (alert.cleared_s <= onset_s, alert.raised_s), default=None)

@@ -498,10 +498,10 @@ async def test_what_is_between_a_person_and_a_vehicle_comes_first_of_its_severit
     script = """async () => {
         const { mostUrgentFirst } = await import("/page/texts.js"), { Vendors } = await import("/page/list/vendors.js");
         const open = { kind: "situation", advisories: ["a"], predicted_at: "2026-01-01T00:00:10Z", cost_s: 0 };
-        const one = (id, severity, ...vendors) => ({ ...open, id, severity, vendors });
+        const situation = (id, severity, ...vendors) => ({ ...open, id, severity, vendors });
         const listed = [
-            one("robots", "warning", "Alder", "Basalt"), one("people", "warning", "Walkers", "Walkers"),
-            one("mixed", "warning", "Alder", "Walkers"), one("worst", "critical", "Alder", "Basalt"),
+            situation("robots", "warning", "Alder", "Basalt"), situation("people", "warning", "Walkers", "Walkers"),
+            situation("mixed", "warning", "Alder", "Walkers"), situation("worst", "critical", "Alder", "Basalt"),
         ];
         const vendors = new Vendors();
         vendors.ofKind.get("person").add("Walkers");

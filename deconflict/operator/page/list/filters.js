@@ -48,9 +48,7 @@ export class Filters {
     if (robot) {
       showRobot(robot.uuid);
       $("robot").value = "";
-    }
-    const names = matching.slice(0, MOST_NAMED).map(({ name }) => name).join(", ");
-    if (!robot && wanted) $("not-found").textContent = matching.length ? `${matching.length} robots have “${text.trim()}” in their names: ${names}${matching.length > MOST_NAMED ? ", …" : ""}` : `No robot has “${text.trim()}” in its name.`;
+    } else if (wanted) $("not-found").textContent = whyNotFound(text.trim(), matching);
   }
 
   get active() { return Object.values(this.parts).some(({ value }) => value !== ANY); }
@@ -60,6 +58,13 @@ export class Filters {
     return (!severity.value || SEVERITIES.indexOf(situation.severity) <= SEVERITIES.indexOf(severity.value))
       && (!vendor.value || situation.vendors.includes(vendor.value)) && (!place.value || isAt(situation, this.places.get(place.value)));
   }
+}
+
+// Why a search shows no robot: none has the text in its name, or several have.
+function whyNotFound(text, matching) {
+  if (!matching.length) return `No robot has “${text}” in its name.`;
+  const names = matching.slice(0, MOST_NAMED).map(({ name }) => name).join(", ");
+  return `${matching.length} robots have “${text}” in their names: ${names}${matching.length > MOST_NAMED ? ", …" : ""}`;
 }
 
 // At a floor, in a place, or at or near it as the headline says.

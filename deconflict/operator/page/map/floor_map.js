@@ -129,11 +129,7 @@ export class FloorMap {
       const [{ vendor, away }] = group;
       pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
       pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      const [small, large] = [true, false].map((isSmall) => group.filter((robot) => this.isSymbol(robot) === isSmall));
-      if (small.length) this.symbols(small, vendor, away);
-      pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      if (large.length) this.envelopes(large, vendor, away);
-      pen.globalAlpha = 1;
+      this.bodies(group, vendor, away);
     }
     for (const robot of robots) this.decorations(robot, scene);
   }
@@ -157,29 +153,21 @@ export class FloorMap {
   // Whether an envelope would be so small that a symbol is drawn in its place.
   isSymbol({ lengthM, widthM }) { return Math.sqrt(lengthM * widthM) * this.camera.scale < SYMBOL_PX * this.unit; }
 
-  // Draws people as discs, vehicles with a driver as diamonds and robots as squares, with the vendor's sign.
-  symbols(group, vendor, away) {
-    const { camera } = this, path = new Path2D(), signs = new Path2D(), size = SYMBOL_PX * this.unit;
-    for (const robot of group) {
-      const x = camera.px(robot.x), y = camera.py(robot.y);
-      symbol(path, this.vendors.kind(vendor), x, y, size);
-      sign(signs, x, y, robot.yaw, size, this.vendors.mark(vendor));
-    }
-    this.inked(path, signs, away);
+  // Adds a robot with its trailers to a path, `morePx` larger on each side: to scale, or the symbol of its kind.
+  body(path, robot, morePx = 0) {
+    const { camera } = this;
+    if (this.isSymbol(robot)) symbol(path, this.vendors.kind(robot.vendor), camera.px(robot.x), camera.py(robot.y), SYMBOL_PX * this.unit + 2 * morePx);
+    else train(path, camera, robot, robot.atS, this.pose, morePx / camera.scale);
   }
 
-  envelopes(group, vendor, away) {
-    const { camera } = this, path = new Path2D(), noses = new Path2D();
+  // Draws the robots of one vendor in the colour that is set, with its sign.
+  bodies(group, vendor, away) {
+    const { pen, camera, ink } = this, path = new Path2D(), signs = new Path2D(), mark = this.vendors.mark(vendor);
     for (const robot of group) {
-      train(path, camera, robot, robot.atS, this.pose);
-      sign(noses, camera.px(robot.x), camera.py(robot.y), robot.yaw, Math.min(robot.widthM, robot.lengthM) * camera.scale, this.vendors.mark(vendor));
+      this.body(path, robot);
+      const size = this.isSymbol(robot) ? SYMBOL_PX * this.unit : Math.min(robot.widthM, robot.lengthM) * camera.scale;
+      sign(signs, camera.px(robot.x), camera.py(robot.y), robot.yaw, size, mark);
     }
-    this.inked(path, noses, away);
-  }
-
-  // Bodies in the colour that is set, their outline, and the signs on them.
-  inked(path, signs, away) {
-    const { pen, ink } = this, colour = pen.fillStyle;
     pen.fill(path);
     pen.globalAlpha = 1;
     pen.setLineDash(away ? [4, 3] : []);
@@ -189,7 +177,6 @@ export class FloorMap {
     pen.setLineDash([]);
     pen.fillStyle = ink.halo;
     pen.fill(signs);
-    pen.fillStyle = colour;
   }
 
   // A robot's outline if it is involved or chosen, and the circle of its uncertainty.
@@ -197,8 +184,7 @@ export class FloorMap {
     const { pen, camera, ink } = this, involved = scene.involved.get(robot.uuid), chosen = robot.uuid === scene.robot;
     if (involved || chosen) {
       const path = new Path2D();
-      if (this.isSymbol(robot)) symbol(path, this.vendors.kind(robot.vendor), camera.px(robot.x), camera.py(robot.y), SYMBOL_PX * this.unit + 6);
-      else train(path, camera, robot, robot.atS, this.pose, 3 / camera.scale);
+      this.body(path, robot, 3);
       pen.strokeStyle = chosen ? ink.accent : ink[involved];
       pen.lineWidth = chosen || scene.highlighted.has(robot.uuid) ? 4 : 2.5;
       pen.stroke(path);
@@ -250,16 +236,17 @@ export function swatch(pen, colour, mark, kind) {
   pen.fill(path);
 }
 
-// Adds the symbol of a kind of participant to a path: its shape tells the kind, also without colours.
+// Adds the symbol of a kind of participant to a path: its shape tells the kind, also without colours. It turns the same way
+// round as an envelope, so that nothing is left out where two of one path overlap.
 function symbol(path, kind, x, y, size) {
   const half = size / 2;
   if (kind === "person") {
     path.moveTo(x + half, y);
-    path.arc(x, y, half, 0, 2 * Math.PI);
+    path.arc(x, y, half, 0, 2 * Math.PI, true);
   } else if (kind === "driven") {
-    [[1.2, 0], [0, 1.2], [-1.2, 0], [0, -1.2]].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * half, y + b * half));
+    [[1.2, 0], [0, -1.2], [-1.2, 0], [0, 1.2]].forEach(([a, b], i) => path[i ? "lineTo" : "moveTo"](x + a * half, y + b * half));
     path.closePath();
-  } else path.rect(x - half, y - half, size, size);
+  } else path.rect(x - half, y + half, size, -size);
 }
 
 // A vendor's sign, which points in the robot's heading: arrow, chevron, tee, notched arrow. The sign of a person is a dot.
