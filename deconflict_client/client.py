@@ -27,6 +27,7 @@ from deconflict_client.answers.blackbox_models import BlackBoxList, KeptBlackBox
 from deconflict_client.answers.health_models import ServiceHealth
 from deconflict_client.answers.robot_models import HeardRobot, RobotList
 from deconflict_client.answers.site_models import SiteMap
+from deconflict_client.answers.suggestion_models import SuggestionList
 from deconflict_client.answers.vendor_models import VendorHealth, VendorList
 from deconflict_client.situations import (
     BAD_KINDS,
@@ -211,6 +212,13 @@ class Client:
         Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
         return BlackBoxList.model_validate(_json(await self._http.get("/blackboxes"))).blackboxes
+
+    async def suggestions(self) -> SuggestionList:
+        """The places where most time is lost, with why and what pays, and what to change on the floor.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+        """
+        return SuggestionList.model_validate(_json(await self._http.get("/suggestions")))
 
     async def acknowledge(self, advisory_id: str, *, name: str, reason: str) -> AnyRevision:
         """Acknowledge an advisory or a situation; everybody sees by whom and why.

@@ -36,6 +36,8 @@ class LaneChange:
 
     one_way: bool = False
     """Only towards larger x."""
+    turned_make: int | None = None
+    """Robots of this one of the makes have the one-way lane the wrong way round on their map."""
     wider_m: float = 0.0
     two_lanes: bool = False
     """Robots keep right in the lane."""
@@ -68,7 +70,8 @@ class LaneYard(Yard):
 
     def _leave(self, robot: int) -> None:
         from_east = bool(self._east[robot])
-        bypass = self._rng.random() < BYPASS_SHARE or (from_east and self._change.one_way)
+        is_against = from_east != (robot % len(MAKES) == self._change.turned_make)
+        bypass = self._rng.random() < BYPASS_SHARE or (is_against and self._change.one_way)
         y_m = self._lane_y_m(bypass=bypass, from_east=from_east)
         corners = _corners(robot, y_m, from_east=from_east)
         self._east[robot] = not from_east

@@ -65,13 +65,14 @@ def yard_figures(made: MadeYard, seed: int, seconds: float) -> FloorFigures:
 
 def recorded_yard(made: MadeYard, seed: int, seconds: float) -> RecordedFloor:
     """The log of a yard, as the service hears it."""
-    return heard(_reports(made(np.random.default_rng(seed)), seconds))
+    return heard(reports(made(np.random.default_rng(seed)), seconds))
 
 
-def _reports(yard: Yard, seconds: float) -> Iterator[Line]:
-    rng = np.random.default_rng(1)
+def reports(yard: Yard, seconds: float, name: str = "yard", east_m: float = 0.0) -> Iterator[Line]:
+    """What the robots of a yard report that lies so far east of where it was drawn."""
+    rng, east = np.random.default_rng(1), np.array([0.0, east_m, 0.0, 0.0])
     models = [
-        Model(f"yard-{row}", make.vendor.value, make.body.length_m, make.body.width_m, make.max_speed_mps)
+        Model(f"{name}-{row}", make.vendor.value, make.body.length_m, make.body.width_m, make.max_speed_mps)
         for row, make in enumerate(yard.makes)
     ]
     yield from (identity(model) for model in models)
@@ -82,5 +83,6 @@ def _reports(yard: Yard, seconds: float) -> Iterator[Line]:
         for row in range(round(yard.t_s / yard.step_s) % report_steps, len(models), report_steps):
             speed_mps = float(yard.speed_mps[row])
             state = "waitingExternalEvent" if yard.doing[row] == Activity.STANDING else "navigating"
-            pose = poses[row, :3].tolist()
-            yield status(models[row].uuid, now_s, latency_s(rng), state, pose, speed_mps, yard.path(row))
+            x_m, y_m, yaw_rad = poses[row, :3].tolist()
+            pose = x_m + east_m, y_m, yaw_rad
+            yield status(models[row].uuid, now_s, latency_s(rng), state, pose, speed_mps, yard.path(row) + east)

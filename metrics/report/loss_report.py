@@ -9,11 +9,11 @@ from typing import NamedTuple
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.suggestions.evidence import evidence_of
-from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
+from deconflict.operator.suggestions.found_suggestions import OF_NO_PLACE, evidence_questions, suggestion_list
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import SuggestionList
 from deconflict.settings import site
 from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
+from deconflict_client.answers.suggestion_models import SuggestionList
 from metrics.report.html_cells import linked_table
 
 WORST = 10
@@ -103,10 +103,12 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
 
 
 def _suggestions(suggested: SuggestionList) -> str:
-    """What to change, each with the command that simulates it; or why there is nothing."""
+    """The worst places with why and what pays, and what concerns no place; or why there is nothing."""
+    found = [(place.text, place.best.check if place.best else "") for place in suggested.places]
+    found += [(each.text, each.check) for each in suggested.suggestions if each.kind in OF_NO_PLACE]
     items = [
-        f"<li>{escape(found.text)}" + (f"<br>Simulate it: <code>{escape(found.check)}</code>" if found.check else "")
-        for found in suggested.suggestions
+        f"<li>{escape(text)}" + (f"<br>Simulate it: <code>{escape(check)}</code>" if check else "")
+        for text, check in found
     ]
     reason = f"<p>Nothing: {escape(suggested.none_because)}.</p>"
     body = f"<p>{escape(SUGGESTED)}</p><ol>{''.join(items)}</ol>" if items else reason

@@ -8,13 +8,14 @@ import numpy as np
 import shapely
 
 from deconflict.foresight.losses.loss import Loss, LossKind
+from deconflict.operator.suggestions.evidence import Passes
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
 from deconflict.simulation.driving.passing import GAP_M
 from deconflict.simulation.driving.routes import SpeedShare
 from ingest.batch import Bools, Floats
 from metrics.replay_files import LogError
-from metrics.whatif.demand import Demand
+from metrics.whatif.demand import Demand, Trip
 from metrics.whatif.roads import IsForbidden, sampled_way
 
 AGAINST_COS = -0.5
@@ -22,6 +23,8 @@ AGAINST_COS = -0.5
 ROOM_M = 1.2
 """Robots may leave their way by this much to pass others."""
 LEAST_WIDER_M = 0.5
+LEAST_PASS_M = 2.0
+"""So far a trip leads through an aisle along it, or it only crosses it."""
 LEAST_JAM_S, LEAST_JAMS = 4.0, 3
 """Shorter ones are no jams, and fewer say nothing."""
 
@@ -70,6 +73,8 @@ class Change:
     forbidden: Mapping[int, IsForbidden] = field(default_factory=dict)
     """By floor, where and in which direction nobody may drive."""
     wider: tuple[WiderPlace, ...] = ()
+    ordered: tuple[NamedOutline, ...] = ()
+    """Robots are let into these from one side at a time."""
     first_vendor: str = ""
     """All others let the robots of this vendor go first."""
     before: "Change | None" = None
@@ -95,8 +100,9 @@ def slow_zone(places: Sequence[NamedOutline], share: float) -> Change:
 
 def one_way(aisle: NamedOutline, demand: Demand, *, reverse: bool = False) -> Change:
     """An aisle as one-way, in the direction in which more robots drive or in the other one."""
-    unit = _axis_of(aisle)
-    if (_along_m(aisle, unit, demand) < 0) != reverse:
+    unit = axis_of(aisle)
+    trips = [trip for robot in demand.robots for trip in robot.trips]
+    if (sum(_along_m(aisle, unit, trip) for trip in trips) < 0) != reverse:
         unit = -unit
 
     def is_against(x_m: Floats, y_m: Floats, heading: Floats) -> Bools:
@@ -169,17 +175,27 @@ def _jam_s(places: Sequence[NamedOutline], losses: Iterable[Loss]) -> float:
     return float(np.median(lengths_s)) if len(lengths_s) >= LEAST_JAMS else 0.0
 
 
-def _along_m(aisle: NamedOutline, unit: Floats, demand: Demand) -> float:
-    """How much farther robots drive through an aisle along a direction than against it."""
-    along_m = 0.0
-    for trip in (trip for robot in demand.robots for trip in robot.trips if trip.floor == aisle.floor):
-        points = sampled_way(np.array(trip.corners))
-        inside = aisle.holds(points[:-1, 0], points[:-1, 1])
-        along_m += float((np.diff(points, axis=0)[inside] @ unit).sum())
-    return along_m
+def _along_m(aisle: NamedOutline, unit: Floats, trip: Trip) -> float:
+    """How much farther a trip leads through an aisle along a direction than against it."""
+    if trip.floor != aisle.floor:
+        return 0.0
+    points = sampled_way(np.array(trip.corners))
+    inside = aisle.holds(points[:-1, 0], points[:-1, 1])
+    return float((np.diff(points, axis=0)[inside] @ unit).sum())
 
 
-def _axis_of(aisle: NamedOutline) -> Floats:
+def passes_of(aisle: NamedOutline, demand: Demand) -> dict[str, Passes]:
+    """By vendor, how often its robots drive an aisle along its axis, and how often against it."""
+    unit, found = axis_of(aisle), dict[str, Passes]()
+    for robot in demand.robots:
+        along_m = [_along_m(aisle, unit, trip) for trip in robot.trips]
+        along, against = (sum(sign * trip_m > LEAST_PASS_M for trip_m in along_m) for sign in (1, -1))
+        before = found.get(robot.track.vendor, Passes(0, 0))
+        found[robot.track.vendor] = Passes(before.along + along, before.against + against)
+    return found
+
+
+def axis_of(aisle: NamedOutline) -> Floats:
     """The direction of an aisle's axis, or of its longer side."""
     if aisle.axis:
         ends = np.array(aisle.axis)

@@ -45,6 +45,7 @@ def _add_changes(change: argparse._MutuallyExclusiveGroup) -> None:
         metavar=("AISLE", "METRES"),
         help="make an aisle wider; without METRES, as much as robots need to pass each other",
     )
+    change.add_argument("--order", metavar="PLACE", help="let robots into a crossing or lane from one side at a time")
     change.add_argument("--priority", metavar="VENDOR", help="let the robots of a vendor go first")
     change.add_argument(
         "--suggest", action="store_true", help="find from the losses of the log what to change, and simulate it"

@@ -83,7 +83,7 @@ def drive_passages(drive: Drive, floor: int, crossings: Sequence[RoadCrossing]) 
         nearest = int(np.argmin(away_m))
         enter = int(np.flatnonzero(away_m[:nearest] > BEFORE_M)[-1]) + 1
         leave = nearest + int(np.argmax(away_m[nearest:] > AFTER_M))
-        inward, outward = (_direction(float(drive.yaw_rad[sample])) for sample in (enter, leave))
+        inward, outward = (direction(float(drive.yaw_rad[sample])) for sample in (enter, leave))
         found.append(passage_of(drive, node, (enter, leave), inward, outward))
     found.sort(key=lambda passage: passage.enter_m)
     return tuple(
@@ -93,7 +93,7 @@ def drive_passages(drive: Drive, floor: int, crossings: Sequence[RoadCrossing]) 
     )
 
 
-def _direction(yaw_rad: float) -> Direction:
+def direction(yaw_rad: float) -> Direction:
     """The nearest of the four directions along the axes of the floor."""
     quarter = round(yaw_rad / (np.pi / 2)) % 4
     return ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter]

@@ -13,6 +13,7 @@ from metrics.whatif.demand import Demand, demand_of
 from metrics.whatif.more_docks import more_docks
 from metrics.whatif.other_settings import SettingsAnswer, settings_compared
 from metrics.whatif.recorded_tracks import RecordedFloor, recorded_floor
+from metrics.whatif.simulated.ordered_places import ordered
 from metrics.whatif.suggested_changes import SuggestedChanges, suggested, warning_counts
 
 __all__ = ["NO_ANSWER", "Answer", "answered", "settings_compared"]
@@ -44,10 +45,10 @@ def change_of(args: argparse.Namespace, site: Site, floor: RecordedFloor, demand
         return one_way(aisles[0], demand, reverse=args.reverse)
     if args.follow_advice:
         return Change("robots follow the advice of situations", advised_by=site)
-    if args.dock:
-        return more_docks(named_outlines(site, floor.floors, args.dock), demand)
     if args.widen:
         return wider(named_outlines(site, floor.floors, args.widen[0]), demand, floor.losses, _metres(args.widen[1:]))
+    if place := args.dock or args.order:
+        return (more_docks if args.dock else ordered)(named_outlines(site, floor.floors, place), demand)
     if args.priority:
         return priority(args.priority, demand)
     return slow_zone(named_outlines(site, floor.floors, args.speed[0]), _share(args.speed[1]))

@@ -116,6 +116,7 @@ async def test_the_client_gets_the_site_and_the_black_boxes(tmp_path: Path) -> N
         assert [(floor.name, len(floor.marks)) for floor in site.floors] == [("Hall", 4), ("Yard", 0)]
         assert [vendor.name for vendor in site.vendors] == ["acme", "bolt"]
         assert await client.blackboxes() == []
+        assert (await client.suggestions()).places == []
 
 
 async def test_an_exception_has_the_sentence_of_the_service(tmp_path: Path) -> None:

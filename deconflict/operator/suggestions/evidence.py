@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from deconflict.operator.ledger.loss_questions import HOUR_S
-from deconflict.operator.suggestions.suggestion import PairShare, SuggestionEvidence
 from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
+from deconflict_client.answers.suggestion_models import PairShare, SuggestionEvidence
 
 CELLS: tuple[LossKey, ...] = ("floor", "place", "cell", "kind")
 PAIRS: tuple[LossKey, ...] = ("floor", "place", "kind", "vendor", "by")
@@ -54,6 +54,13 @@ class VendorForecasts(NamedTuple):
     """From A to E; "" if not known."""
 
 
+class Passes(NamedTuple):
+    """How often robots of a vendor drove through an aisle."""
+
+    along: int
+    against: int
+
+
 class WarningCounts(NamedTuple):
     """What came of the warnings that a log would have had with a clearance."""
 
@@ -79,6 +86,8 @@ class LossEvidence:
     by_hour: Mapping[PlaceKey, list[float]]
     """By place, the seconds lost in each whole hour of the ledger that has any loss at all."""
     forecasts: Mapping[str, VendorForecasts] = field(default_factory=dict)
+    passes: Mapping[PlaceKey, Mapping[str, Passes]] = field(default_factory=dict)
+    """By aisle and vendor; empty where only the ledger is known."""
     warnings: Sequence[WarningCounts] = ()
     """With the clearance of the site first, then with others."""
 

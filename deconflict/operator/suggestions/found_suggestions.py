@@ -16,11 +16,14 @@ from deconflict.operator.suggestions.place_rules import (
     priority_suggestions,
 )
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import Suggestion, SuggestionList
 from deconflict.operator.suggestions.vendor_rules import clearance_suggestions, vendor_suggestions
+from deconflict.operator.suggestions.worst_places import worst_places
 from deconflict_client.answers.loss_models import LossList
+from deconflict_client.answers.suggestion_models import Suggestion, SuggestionList
 
 MOST_SUGGESTIONS = 5
+OF_NO_PLACE = "vendor", "clearance"
+"""Kinds of suggestions that no place has."""
 MOST_ROWS = 20_000
 """Of each sum; the smallest are left out."""
 NOTHING_STANDS_OUT = "no place, crossing or vendor stands out enough for a suggestion"
@@ -55,6 +58,7 @@ def suggestion_list(evidence: LossEvidence, places: SuggestedPlaces, span: LossL
         until_s=span.until_s,
         hours=round(evidence.hours, 2),
         suggestions=(found := found_suggestions(evidence, places)),
+        places=worst_places(evidence, places, span.from_s),
         none_because="" if found else none_because(evidence),
     )
 

@@ -6,14 +6,8 @@ from math import hypot, inf, sqrt
 
 from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PairLoss, PlaceKey
 from deconflict.operator.suggestions.suggested_places import ServedPlace, SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import (
-    Saving,
-    Suggestion,
-    SuggestionEvidence,
-    minutes,
-    minutes_between,
-    whatif_command,
-)
+from deconflict.operator.suggestions.suggestion import minutes, minutes_between, whatif_command
+from deconflict_client.answers.suggestion_models import Saving, Suggestion, SuggestionEvidence
 
 LEAST_S = 100.0
 """Fewer lost seconds are no evidence, however short the span is."""
@@ -43,12 +37,12 @@ def dock_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> Iterabl
     """For each group of docks with a queue at most one more dock."""
     near: dict[str, list[tuple[ServedPlace, CellLoss]]] = {}
     for cell in evidence.cells:
-        if place := _nearest(cell, places.served):
+        if place := nearest_served(cell, places.served):
             near.setdefault(place.group, []).append((place, cell))
     for found in near.values():
         queues = [(place, cell) for place, cell in found if cell.kind in QUEUES]
         cells = [cell for _, cell in queues]
-        figures = evidence.of_cells(cells, _pairs_of(evidence, cells, QUEUES))
+        figures = evidence.of_cells(cells, pairs_of(evidence, cells, QUEUES))
         near_s = sum(cell.lost_s for _, cell in found)
         lost_s = sum(cell.lost_s for cell in cells)
         waits = lost_s >= LEAST_WAIT_S * max(figures.losses, 1) and lost_s >= QUEUES_OF_NEAR * near_s
@@ -74,7 +68,7 @@ def one_way_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> Iter
     for key in sorted(places.aisles):
         cells = [cell for cell in evidence.cells if cell.key == key]
         met = [cell for cell in cells if cell.kind in MEETINGS]
-        figures = evidence.of_cells(met, _pairs_of(evidence, met, MEETINGS))
+        figures = evidence.of_cells(met, pairs_of(evidence, met, MEETINGS))
         share = sum(cell.lost_s for cell in met) / max(sum(cell.lost_s for cell in cells), 1e-9)
         if share >= MEETINGS_OF_AISLE and is_enough(figures) and is_steady(evidence, {key}):
             saving = saving_of(figures, ONE_WAY_SAVES)
@@ -153,7 +147,7 @@ def saved(saving: Saving) -> str:
     return f"{minutes_between(saving.low_s_per_hour, saving.high_s_per_hour)} an hour"
 
 
-def _nearest(cell: CellLoss, served: Iterable[ServedPlace]) -> ServedPlace | None:
+def nearest_served(cell: CellLoss, served: Iterable[ServedPlace]) -> ServedPlace | None:
     """The resource near which a loss begins."""
     away_m = [
         (hypot(place.x_m - cell.x_m, place.y_m - cell.y_m), place) for place in served if place.floor == cell.key.floor
@@ -162,6 +156,6 @@ def _nearest(cell: CellLoss, served: Iterable[ServedPlace]) -> ServedPlace | Non
     return nearest if nearest_m <= NEAR_DOCK_M else None
 
 
-def _pairs_of(evidence: LossEvidence, cells: Iterable[CellLoss], kinds: Collection[str]) -> list[PairLoss]:
+def pairs_of(evidence: LossEvidence, cells: Iterable[CellLoss], kinds: Collection[str]) -> list[PairLoss]:
     keys = {cell.key for cell in cells}
     return [pair for pair in evidence.pairs if pair.key in keys and pair.kind in kinds]

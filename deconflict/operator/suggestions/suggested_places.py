@@ -30,16 +30,17 @@ class ServedPlace(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SuggestedPlaces:
-    """Docks and aisles, and whose participants are people."""
+    """Docks, aisles and crossings, and whose participants are people."""
 
     served: tuple[ServedPlace, ...] = ()
     aisles: frozenset[PlaceKey] = frozenset()
+    crossings: frozenset[PlaceKey] = frozenset()
     people: frozenset[str] = frozenset()
     """Vendors. Nobody asks people to let others go first, or for forecasts."""
 
     @classmethod
     def of(cls, site: Site) -> Self:
-        return cls(tuple(_served(site)), frozenset(_aisles(site)), site.people)
+        return cls(tuple(_served(site)), frozenset(_aisles(site)), frozenset(_crossings(site)), site.people)
 
 
 def _served(site: Site) -> Iterable[ServedPlace]:
@@ -57,6 +58,12 @@ def _aisles(site: Site) -> Iterable[PlaceKey]:
     for area in site.areas:
         if _is_long(area.outline_m):
             yield PlaceKey(area.floor or site.datums[0].id, area.name)
+
+
+def _crossings(site: Site) -> Iterable[PlaceKey]:
+    for zone in site.zones:
+        if zone.kind == "crossing":
+            yield from (PlaceKey(datum, zone.label) for datum, _ in outlines(zone))
 
 
 def _is_long(outline: Iterable[Point]) -> bool:

@@ -5,13 +5,8 @@ from collections.abc import Iterable
 from deconflict.operator.suggestions.evidence import LossEvidence, WarningCounts
 from deconflict.operator.suggestions.place_rules import is_enough, is_steady, saved
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import (
-    Saving,
-    Suggestion,
-    SuggestionEvidence,
-    minutes,
-    whatif_command,
-)
+from deconflict.operator.suggestions.suggestion import minutes, whatif_command
+from deconflict_client.answers.suggestion_models import Saving, Suggestion, SuggestionEvidence
 
 UNANNOUNCED = ("blockage",)
 """The other robot stands for nobody, where its forecast said that it would drive."""

@@ -17,6 +17,8 @@ BEFORE_M, AFTER_M = 2.6, 2.2
 ASK_M = 2.5
 """A robot requests a crossing at this distance before it."""
 NOBODY = -1
+ALL = 0
+"""Stands for all fleets where their robots keep one order."""
 
 Direction = tuple[int, int]
 """Signs of x and y."""
@@ -86,6 +88,8 @@ class Crossings:
         """`fleet` (n,) is the fleet of each robot."""
         robots = len(fleet)
         self._fleet = fleet.tolist()
+        self.shared: frozenset[int] = frozenset()
+        """Crossings with one order for the robots of all fleets."""
         self._ahead: list[list[CrossingPassage]] = [[] for _ in range(robots)]
         self._inside: dict[tuple[int, int], dict[int, CrossingPassage]] = {}
         """By fleet and crossing."""
@@ -139,7 +143,8 @@ class Crossings:
         return bool(self._ahead[robot]) and robot in self._holders(robot, self._ahead[robot][0])
 
     def _holders(self, robot: int, passage: CrossingPassage) -> dict[int, CrossingPassage]:
-        return self._inside.setdefault((self._fleet[robot], passage.node), {})
+        fleet = self._fleet[robot]
+        return self._inside.setdefault((ALL if fleet >= 0 and passage.node in self.shared else fleet, passage.node), {})
 
     def _close(self, robot: int) -> None:
         enter_m = self._ahead[robot][0].enter_m if self._ahead[robot] else np.inf

@@ -54,6 +54,7 @@ def log_figures(floor: RecordedFloor, demand: Demand, until_s: float) -> FloorFi
 def model_figures(plan: SimulatedPlan, seed: int, until_s: float) -> Floats:
     """(n, 3) what each robot loses, drives and is held up if the plan is driven: the fields of `FloorFigures`."""
     world = ReplayedFloor(plan.robots, plan.crossings, np.random.default_rng(seed), ROOM_M, plan.wider)
+    world.crossings.shared = plan.shared
     losses = OpenLosses(world)
     service = SimulatedService(world, plan.advised_by, plan.floors) if plan.advised_by else None
     while world.t_s < until_s:

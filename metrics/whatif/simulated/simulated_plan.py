@@ -15,6 +15,7 @@ from metrics.whatif.change import NO_CHANGE, Change, WiderPlace
 from metrics.whatif.demand import SAME_PLACE_M, Demand, RobotDemand, Trip
 from metrics.whatif.road_crossings import drive_passages, road_crossings
 from metrics.whatif.roads import FloorWay, IsForbidden, Roads, sampled_way
+from metrics.whatif.simulated.ordered_places import with_order
 from metrics.whatif.simulated.replayed_floor import RobotIdentity, SimulatedRobot, SimulatedTrip
 
 GAIN_MPS2, BRAKE_MPS2 = 0.7, 1.2
@@ -36,6 +37,8 @@ class SimulatedPlan:
     advised_by: Site | None = None
     """The site whose service the robots follow; None if they follow no advice."""
     wider: tuple[WiderPlace, ...] = ()
+    shared: frozenset[int] = frozenset()
+    """Crossings with one order for all fleets."""
     impossible: int = 0
     """Trips that have no way with the change. They keep the old one."""
     rerouted: int = 0
@@ -60,13 +63,15 @@ class Planner:
             self._planned(number, robot, chassis, routes, change)
             for number, (robot, chassis) in enumerate(zip(self._demand.robots, self._chassis, strict=True))
         ]
-        places = tuple(crossing.middle for crossing in self._crossings)
+        places = [crossing.middle for crossing in self._crossings]
+        ordered = [(place.outline.centroid.x, place.outline.centroid.y) for place in change.ordered]
         return SimulatedPlan(
             robots=tuple(robots),
-            crossings=places,
+            crossings=(*places, *ordered),
             floors=self._demand.floors,
             advised_by=change.advised_by,
             wider=change.wider,
+            shared=frozenset(range(len(places), len(places) + len(ordered))),
             impossible=routes.impossible,
             rerouted=routes.rerouted,
         )
@@ -78,7 +83,7 @@ class Planner:
         for index, trip in enumerate(robot.trips):
             corners = routes.corners(trip)
             way = drive(corners, yaw_rad, chassis, change.speed_shares.get(trip.floor))
-            passages = self._passages(way, trip)
+            passages = self._passages(way, trip, change)
             after = self._after.get((number, index))
             counts = trip.is_whole and not track.is_person
             trips.append(SimulatedTrip(way, passages, trip.floor, trip.stop.stay_s, counts, after))
@@ -96,8 +101,9 @@ class Planner:
             goes_first=track.vendor == change.first_vendor,
         )
 
-    def _passages(self, way: Drive, trip: Trip) -> tuple[CrossingPassage, ...]:
-        return drive_passages(way, trip.floor, self._crossings)
+    def _passages(self, way: Drive, trip: Trip, change: Change) -> tuple[CrossingPassage, ...]:
+        found = drive_passages(way, trip.floor, self._crossings)
+        return with_order(way, trip.floor, found, change.ordered, len(self._crossings))
 
 
 class _Routes:

@@ -230,7 +230,7 @@ async def test_what_is_far_ahead_stands_after_what_happens_now(browser: "Browser
 async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Browser", face: Served) -> None:
     script = """async (total) => {
         const { Costs } = await import("/page/dialogs/costs.js");
-        const nothing = { suggestions: [], none_because: "nothing is known", hours: 0 };
+        const nothing = { places: [], suggestions: [], none_because: "nothing is known", hours: 0 };
         new Costs((floor) => floor, () => {}).show({ total, rows: [], currency: "EUR" }, [], [], [], 0, nothing);
         return document.querySelector("#costs-body p").textContent;
     }"""
@@ -253,7 +253,8 @@ async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_els
         const { Costs } = await import("/page/dialogs/costs.js");
         const sums = { lost_s: 0, losses: 0, warned_s: 0, advised_s: 0, heeded_s: 0, refused_s: 9, cost: null };
         const row = { ...sums, vendor: "Acme", by: "Bolt", floor: "", place: "Aisle", cell: [1, 1], hour: 0 };
-        const found = { total: sums, rows: [row], currency: "", suggestions: [], none_because: "", hours: 0 };
+        const nothing = { places: [], suggestions: [], none_because: "", hours: 0 };
+        const found = { ...nothing, total: sums, rows: [row], currency: "" };
         window.fetch = async () => new Response(JSON.stringify(found));
         await new Costs((floor) => floor, () => {}).read();
         return document.querySelector("#costs-body").textContent;

@@ -46,8 +46,9 @@ def test_the_report_says_what_to_change_or_why_nothing(data: Path) -> None:
         ledger.add("engine", 2, crossings)
     assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
     page = (data / "w.html").read_text()
-    assert "<li>Let the robots of Alder go first at crossings" in page
-    assert "<code>deconflict whatif LOG --site SITE.toml --priority Alder</code>" in page
+    assert "<li>Aisle 3: robots lose" in page
+    assert "because robots cross without an order" in page
+    assert "<code>deconflict whatif LOG --site SITE.toml --order &#x27;Aisle 3&#x27;</code>" in page
 
 
 def test_the_report_has_what_each_vendor_refused_and_could_not(data: Path) -> None:

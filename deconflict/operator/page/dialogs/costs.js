@@ -1,11 +1,11 @@
 // What robots lose to each other: today against the same hours a week ago, by place, by pair of vendors and by hour. And what to
-// change, from the last week.
+// change at the worst places, which stands for a shift.
 
 import { table, text } from "./shift.js";
 import { Turns, read } from "../floor/reading.js";
 import { clock, span } from "../texts.js";
 
-const HOUR_S = 3600, WEEK_S = 7 * 24 * HOUR_S, WORST = 5;
+const HOUR_S = 3600, WEEK_S = 7 * 24 * HOUR_S, WORST = 5, OF_NO_PLACE = ["vendor", "clearance"];
 const ACCURACY = "Sums by vendors, places and hours hold within a tenth, as measured on simulated floors.";
 const $ = (id) => document.getElementById(id);
 
@@ -67,16 +67,17 @@ async function ask(group, fromS, untilS) {
   return { ...found, rows: found.rows.filter((row) => row.lost_s > 0) };
 }
 
-// A heading, and a list of what to change, each with the command that simulates it; or why there is nothing.
-function suggestions({ suggestions: found, none_because: reason, hours }) {
-  const list = document.createElement("ol"), over = hours < 2 ? span(hours * 3600) : `${Math.round(hours)} hours`;
-  list.append(...found.map(({ text: sentence, check }) => {
-    const item = text("li", sentence);
+// A heading, and a list: the worst places with why and what pays, and what concerns no place. Or why there is nothing.
+function suggestions({ places, suggestions: found, none_because: reason }) {
+  const list = document.createElement("ol");
+  const lines = [...places.map(({ text: sentences, best, since_s: sinceS }) => [`${sentences} It stands since ${clock(sinceS).slice(0, 5)}.`, best?.check]), ...found.filter(({ kind }) => OF_NO_PLACE.includes(kind)).map((each) => [each.text, each.check])];
+  list.append(...lines.map(([sentences, check]) => {
+    const item = text("li", sentences);
     if (check) item.append(document.createElement("br"), "Simulate it with a log: ", text("code", check));
     return item;
   }));
-  const lead = found.length ? `From the ${over} in the last week in which robots lost time. Each is estimated from simulated floors: simulate it before you change anything.` : `Nothing: ${reason}.`;
-  return [text("h3", "What to change"), text("p", lead), ...(found.length ? [list] : [])];
+  const lead = lines.length ? "The places where most was lost in the last shift and in this one; it stands for a shift. Savings are estimated from simulated floors: simulate a change before you make it." : `Nothing: ${reason || "no place stands out in the last shift or in this one"}.`;
+  return [text("h3", "What to change"), text("p", lead), ...(lines.length ? [list] : [])];
 }
 
 // The places, worst first, each with its worst cell. Outside all places each cell counts as one.

@@ -7,9 +7,9 @@ from deconflict.operator.ledger.loss_questions import HOUR_S
 from deconflict.operator.suggestions.evidence import LossEvidence, VendorForecasts, WarningCounts, evidence_of
 from deconflict.operator.suggestions.found_suggestions import evidence_questions, found_suggestions
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import Suggestion
 from deconflict.settings.shared_places import NamedArea, Resource, Zone
 from deconflict.settings.site import LossSettings, Site
+from deconflict_client.answers.suggestion_models import Suggestion
 from ingest.settings import Datum
 
 HALL = "11111111-1111-4111-8111-111111111111"

@@ -1,0 +1,167 @@
+"""The places where robots lose the most time, each with its cause and what is known to help.
+
+Pure: the sums and the places of the site in; at most five places out. A place is one that the site file names; a queue
+belongs to the resource near which it stands, and what is lost elsewhere to a square of the floor.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PlaceKey
+from deconflict.operator.suggestions.loss_causes import CHANGES, SENTENCES, cause_of, turned_vendors
+from deconflict.operator.suggestions.place_rules import (
+    CROSSINGS,
+    DOCK_SAVES,
+    ONE_WAY_SAVES,
+    PRIORITY_SAVES,
+    QUEUES,
+    is_enough,
+    is_steady,
+    nearest_served,
+    rate,
+    saved,
+    saving_of,
+)
+from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
+from deconflict.operator.suggestions.suggestion import whatif_command
+from deconflict_client.answers.suggestion_models import ChangeKind, SuggestionEvidence, TriedChange, WorstPlace
+
+MOST_PLACES = 5
+SQUARE_M = 10.0
+"""What is lost outside all places is summed by squares of this side."""
+LEAST_LOSSES, LEAST_S = 6, 100.0
+"""A place with less is not among the worst, however little is lost elsewhere."""
+SAVES: dict[ChangeKind, tuple[float, float]] = {
+    "dock": DOCK_SAVES,
+    "one_way": ONE_WAY_SAVES,
+    "order": PRIORITY_SAVES,
+    "priority": PRIORITY_SAVES,
+}
+"""Shares of what is lost. A lane that can't be simulated is not said to be better wider."""
+NOTHING_PAYS = "nothing found that pays"
+
+
+class LossSpot(NamedTuple):
+    """A named place, or a square of a floor."""
+
+    key: PlaceKey
+    square: tuple[int, int] | None = None
+
+
+def worst_places(evidence: LossEvidence, places: SuggestedPlaces, since_s: float) -> list[WorstPlace]:
+    """At most five, the worst first, with the change that the rules expect to help."""
+    cells_of: dict[LossSpot, list[CellLoss]] = {}
+    for cell in evidence.cells:
+        if cell.lost_s > 0:
+            cells_of.setdefault(_spot(cell, places), []).append(cell)
+    worst = sorted(cells_of.items(), key=lambda entry: -sum(cell.lost_s for cell in entry[1]))[:MOST_PLACES]
+    return [
+        _worst_place(spot, cells, evidence, places, since_s)
+        for spot, cells in worst
+        if sum(cell.losses for cell in cells) >= LEAST_LOSSES and sum(cell.lost_s for cell in cells) >= LEAST_S
+    ]
+
+
+def with_tried(found: WorstPlace, tried: Sequence[TriedChange]) -> WorstPlace:
+    """The place after changes were simulated. If the simulation answers none of them, the rule still stands."""
+    answered = [change for change in tried if change.saving]
+    best = max((change for change in answered if change.pays), key=_expected_s, default=None)
+    return _told(found.model_copy(update={"tried": list(tried), "best": best if answered else found.best}))
+
+
+def changes_of(found: WorstPlace, evidence: LossEvidence, places: SuggestedPlaces) -> Iterable[TriedChange]:
+    """What may help against the cause of a place, without what it saves."""
+    vendor = _losing_vendor(evidence, found.place, places.people)
+    commands: dict[ChangeKind, tuple[str, tuple[str, ...]]] = {
+        "dock": (f"one more beside {found.place}", ("--dock", found.place)),
+        "one_way": (f"{found.place} one-way", ("--one-way", found.place)),
+        "widen": (f"{found.place} wider", ("--widen", found.place)),
+        "order": (f"{found.place} entered from one side at a time", ("--order", found.place)),
+        "priority": (f"the robots of {vendor} first everywhere", ("--priority", vendor)),
+    }
+    for kind in CHANGES[found.cause] if found.place else ():
+        change, options = commands[kind]
+        if all(options):
+            yield TriedChange(kind=kind, subject=options[1], change=change, check=whatif_command(*options), saving=None)
+
+
+def _losing_vendor(evidence: LossEvidence, place: str, people: Iterable[str]) -> str:
+    """The vendor that loses most to others where it crosses them at a place; "" if none does."""
+    sums = Counter[str]()
+    for pair in evidence.pairs:
+        if pair.key.place == place and pair.kind in (*CROSSINGS, "deadlock") and pair.vendor != pair.by:
+            sums[pair.vendor] += pair.lost_s  # type: ignore[assignment]
+    return max(sums.keys() - set(people), key=lambda vendor: (sums[vendor], vendor), default="")
+
+
+def _worst_place(
+    spot: LossSpot, cells: list[CellLoss], evidence: LossEvidence, places: SuggestedPlaces, since_s: float
+) -> WorstPlace:
+    kinds = Counter[str]()
+    for cell in cells:
+        kinds[cell.kind] += cell.lost_s  # type: ignore[assignment]
+    worst, passes = max(cells, key=lambda cell: cell.lost_s), evidence.passes.get(spot.key, {})
+    keys = {cell.key for cell in cells}
+    figures = evidence.of_cells(cells, [pair for pair in evidence.pairs if pair.key in keys and pair.kind in kinds])
+    found = WorstPlace(
+        floor=spot.key.floor,
+        place=spot.key.place,
+        x_m=worst.x_m,
+        y_m=worst.y_m,
+        cause=cause_of(
+            kinds,
+            passes,
+            is_aisle=spot.key in places.aisles,
+            is_served=any(served.name == spot.key.place for served in places.served),
+            is_crossing=spot.key in places.crossings,
+        ),
+        evidence=figures,
+        kinds={kind: round(lost_s / evidence.hours, 1) for kind, lost_s in kinds.most_common()},
+        turned=turned_vendors(passes),
+        since_s=since_s,
+    )
+    is_worth = is_enough(figures) and is_steady(evidence, keys)
+    changes = changes_of(found, evidence, places) if is_worth else ()
+    return _told(found.model_copy(update={"best": _expected(next(iter(changes), None), figures)}))
+
+
+def _expected(change: TriedChange | None, figures: SuggestionEvidence) -> TriedChange | None:
+    """A change with what the rules expect of it."""
+    return change and change.model_copy(update={"saving": saving_of(figures, SAVES[change.kind])})
+
+
+def _told(found: WorstPlace) -> WorstPlace:
+    """The place with its sentences."""
+    name = found.place or f"Around {found.x_m:.0f}, {found.y_m:.0f} m"
+    why = SENTENCES[found.cause].format(turned=" and ".join(found.turned))
+    sentences = [f"{name}: robots lose {rate(found.evidence)}, because {why}."]
+    if found.tried:
+        sentences.append(f"Tried: {'; '.join(map(_tried, found.tried))}.")
+    if found.best and found.best.saving:
+        sentences.append(f"Best: {found.best.change}, which would save {saved(found.best.saving)}.")
+    else:
+        sentences.append(f"{NOTHING_PAYS.capitalize()}.")
+    return found.model_copy(update={"text": " ".join(sentences)})
+
+
+def _tried(change: TriedChange) -> str:
+    if change.saving is None:
+        return f"{change.change}: not simulated, since {change.note}"
+    low, high = change.saving.low_s_per_hour, change.saving.high_s_per_hour
+    if change.pays:
+        return f"{change.change}: saves {saved(change.saving)}"
+    return f"{change.change}: {'loses time' if high < 0 else 'no clear change'} ({low:+.0f} to {high:+.0f} s an hour)"
+
+
+def _expected_s(change: TriedChange) -> float:
+    return (change.saving.low_s_per_hour + change.saving.high_s_per_hour) / 2 if change.saving else 0.0
+
+
+def _spot(cell: CellLoss, places: SuggestedPlaces) -> LossSpot:
+    waits = cell.kind in QUEUES and cell.key not in places.aisles | places.crossings
+    served = nearest_served(cell, places.served) if waits else None
+    if served:
+        return LossSpot(PlaceKey(cell.key.floor, served.name))
+    is_named = bool(cell.key.place)
+    return LossSpot(cell.key, None if is_named else (int(cell.x_m // SQUARE_M), int(cell.y_m // SQUARE_M)))
