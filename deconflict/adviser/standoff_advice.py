@@ -3,18 +3,13 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import count
-from math import hypot, inf, pi, remainder
-
-import numpy as np
+from math import hypot, pi, remainder
 
 from deconflict.adviser.asked import Asked, Following, Option
-from deconflict.adviser.barred_ground import BarredGround
+from deconflict.adviser.ground.goals import Goals
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
-from deconflict.adviser.tracks import Tracks, other_bodies
-from deconflict.adviser.ways import wanted_ways
 from deconflict.adviser.worth import ExpectedSaving, Worth
-from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.runtime.learned_state import Learner
@@ -47,10 +42,6 @@ LATEST_S = 20.0
 VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
 RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
-SEARCHED_S, SEARCHES = 2.0, 6
-"""Where no place to back out to was found, it is not searched again for this time; and so many searches in a step."""
-WHOLE_WAY_M = 20.0
-"""A robot backs out to where the other, which passes, will not come on the next metres of its way."""
 LIKELY = 0.3
 """What robots do less likely is asked last."""
 PROBABLE = 0.85
@@ -73,13 +64,10 @@ class StandoffAdvice:
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
         self._following = Following({vendor.name: vendor.verbs for vendor in site.vendors})
-        self._ground = BarredGround(site)
-        self._worth, self._tracks = Worth(), Tracks(self._ground)
+        self._goals = Goals(site)
+        self._worth = Worth()
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
-        self._searched_s: dict[str, float] = {}
-        """By robot: when a place to back out to was searched for."""
-        self._searches_left = SEARCHES
         self._standing = Standing({}, [])
 
     @property
@@ -94,8 +82,9 @@ class StandoffAdvice:
 
     @property
     def learners(self) -> dict[str, Learner]:
-        """What is worth keeping over a restart: how long standoffs and requests last, who yielded, and who follows."""
-        return {"standoffs": self._worth, "requests": self._following}
+        """What is worth keeping over a restart: how long standoffs and requests last, who yielded, who follows, and
+        where bodies were."""
+        return {"standoffs": self._worth, "requests": self._following, "ground": self._goals.seen}
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -108,11 +97,9 @@ class StandoffAdvice:
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""
-        self._tracks.forget(batch.gone)
+        self._goals.forget(batch.gone)
         self._following.forget(batch.gone)
-        for uuid in batch.gone:
-            self._searched_s.pop(uuid, None)
-        self._tracks.observe(robots, (uuid for uuid in batch.robots if uuid in robots))
+        self._goals.receive(robots, (uuid for uuid in batch.robots if uuid in robots))
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
         """What a robot answered to a request.
@@ -137,9 +124,10 @@ class StandoffAdvice:
         """Requests that are new, or withdrawn."""
         self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE)
         self._observe_standing(now_s)
-        self._searches_left = SEARCHES
+        self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        for ring in sorted(self._standing.rings, key=self._ring_searched_s):
+        # Those that wait for a place for longest come first.
+        for ring in sorted(self._standing.rings, key=lambda ring: max(map(self._goals.searched_s, ring))):
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
@@ -284,20 +272,20 @@ class StandoffAdvice:
 
     def _request(self, option: Option, saving: ExpectedSaving, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        at = self._place_m(option, robots, now_s)
-        if option.verb == "back_out" and at is None:
+        waiting = self._standing.waiting.get(option.robot)
+        goal = self._goals.find(option, waiting.way_rad if waiting else 0.0, robots, now_s)
+        if goal is None:
             return None
-        if option.verb == "go_around":
-            way_rad = self._standing.waiting[option.robot].way_rad
-            if not self._ground.leaves_a_side(robots, option.robot, option.other, way_rad):
-                return None
         latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(
-            self._new(option, at, until, latest_s), saving_s=saving.mean_s, saving_interval_s=saving.interval_s
+            self._new(option, goal.at_m, until, latest_s),
+            side=goal.side,
+            beside=goal.beside_m,
+            saving_s=saving.mean_s,
+            saving_interval_s=saving.interval_s,
         )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
-        waiting = self._standing.waiting.get(option.robot)
         rolls_m = waiting.speed_mps * ROLLS_S if waiting else 0.0
         self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad, rolls_m)
         self._following.ask(option.robot, now_s)
@@ -305,27 +293,6 @@ class StandoffAdvice:
 
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
         return Request(str(next(self._numbers)), option.robot, option.verb, at, option.other, until, latest_s)
-
-    def _place_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
-        """The place of a request. None if it has none, or none was found."""
-        if option.verb == "other_way":
-            return robots.reported_pose(option.other)[:2]
-        return self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
-
-    def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
-        """Where a robot can back out to. Not searched again soon, nor often in one step."""
-        if not self._searches_left or now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
-            return None
-        self._searches_left -= 1
-        self._searched_s[option.robot] = now_s
-        numbers = robots.column({option.robot: 1, option.other: 2})
-        slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
-        passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
-        return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
-
-    def _ring_searched_s(self, ring: tuple[str, ...]) -> float:
-        """When a place for one of a ring was last searched for: those that wait for longest come first."""
-        return max(self._searched_s.get(robot, -inf) for robot in ring)
 
 
 def _both(request: Request) -> tuple[str, ...]:
