@@ -3,12 +3,13 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import count
-from math import hypot, pi, remainder
+from math import dist, hypot, pi, remainder
 
 from deconflict.adviser.asked import Asked, Following, Option
 from deconflict.adviser.ground.goals import Goals
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
+from deconflict.adviser.ways import WAITING
 from deconflict.adviser.worth import ExpectedSaving, Worth
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
@@ -39,9 +40,17 @@ PASSED_M = 3.0
 FAR_M = 1.0
 """A robot that stands again before it has come so far did not get round the other, which is asked next."""
 LATEST_S = 20.0
-VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
+"""How long a request is open; twice as long for robots that make room and wait."""
+MAKING_ROOM: tuple[Verb, ...] = ("step_aside", "back_out")
+VERBS: tuple[Verb, ...] = ("go_around", "go_first", "step_aside", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
-RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
+RING_VERBS: tuple[Verb, ...] = ("go_around", "step_aside", "other_way", "back_out")
+LEAVING: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
+"""What a robot can do that stands behind one which only stands in its way; that one can step aside."""
+MAY_MOVE = frozenset(("idle", "navigating", WAITING))
+"""States in which a robot that stands in the way is held by nothing else that it reports."""
+ARRIVED_M = 0.5
+"""A robot that is so near to the place has stepped aside."""
 LIKELY = 0.3
 """What robots do less likely is asked last."""
 PROBABLE = 0.85
@@ -63,7 +72,9 @@ class StandoffAdvice:
         """By robot."""
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
-        self._following = Following({vendor.name: vendor.verbs for vendor in site.vendors})
+        self._following = Following(
+            {vendor.name: vendor.verbs for vendor in site.vendors if "verbs" in vendor.model_fields_set}
+        )
         self._goals = Goals(site)
         self._worth = Worth()
         self._waiting: dict[str, str] = {}
@@ -133,8 +144,10 @@ class StandoffAdvice:
             is_in_ring = waiting.robot in self._standing.in_rings
             stood_s = now_s - waiting.both_since_s
             if not is_in_ring and stood_s >= STANDS_S:
-                verbs = RING_VERBS if stood_s >= LONG_S else RING_VERBS[:1]
+                verbs = LEAVING if stood_s >= LONG_S else LEAVING[:1]
                 options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
+                if robots[waiting.other].state in MAY_MOVE and robots[waiting.other].here is None:
+                    options.append(Option(waiting.other, "step_aside", waiting.robot))
                 changed += self._ask_best("stander", stood_s, options, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
@@ -178,7 +191,8 @@ class StandoffAdvice:
             yield from self._follow_up(asked, moved_m, robots, now_s)
             return
         is_late = now_s - asked.asked_s >= (BEGINS_S if asked.answer else self._following.waits_s())
-        stands = asked.request.verb == "go_first" or robot in self._standing.waiting
+        is_in_way = asked.request.verb == "step_aside" and self._standing.behind(robot) > 0
+        stands = asked.request.verb == "go_first" or is_in_way or robot in self._standing.waiting
         is_over = is_late and stands if asked.answer else is_late or not stands
         if asked.answer == "declined" or is_over:
             yield from self._end(asked, asked.request)
@@ -193,7 +207,10 @@ class StandoffAdvice:
     def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
         """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
         request, takes_s = asked.request, max(now_s - asked.asked_s, 0.0)
-        is_done = moved_m >= PASSED_M or asked.answer == "done"
+        is_aside = _is_aside(request, robots)
+        is_done = asked.answer == "done" or (
+            _has_passed(asked, robots) if request.verb == "step_aside" else moved_m >= PASSED_M
+        )
         if is_done and asked.begun_s is not None and request.other in robots:
             yields = Option(request.robot, request.verb, request.other or "").yields
             vendors = robots[yields[0]].vendor, robots[yields[1]].vendor
@@ -203,7 +220,7 @@ class StandoffAdvice:
             return self._end(asked)
         waiting, rested_s = self._standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
         stands_again = rested_s >= STANDS_S if request.verb == "go_first" else waiting and not waiting.speed_mps
-        if takes_s < STANDS_S or not stands_again:
+        if takes_s < STANDS_S or is_aside or not stands_again:
             return []
         if moved_m < FAR_M:
             self._following.stop(request, now_s)
@@ -276,7 +293,7 @@ class StandoffAdvice:
         goal = self._goals.find(option, waiting.way_rad if waiting else 0.0, robots, now_s)
         if goal is None:
             return None
-        latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
+        latest_s = now_s + (2 * LATEST_S if option.verb in MAKING_ROOM else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(
             self._new(option, goal.at_m, until, latest_s),
@@ -287,7 +304,9 @@ class StandoffAdvice:
         )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
         rolls_m = waiting.speed_mps * ROLLS_S if waiting else 0.0
-        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad, rolls_m)
+        self._open[option.robot] = self._asked[request.id] = Asked(
+            request, now_s, (x_m, y_m), yaw_rad, rolls_m, robots.reported_pose(option.other)[:2]
+        )
         self._following.ask(option.robot, now_s)
         return request
 
@@ -297,3 +316,17 @@ class StandoffAdvice:
 
 def _both(request: Request) -> tuple[str, ...]:
     return (request.robot, request.other) if request.other else (request.robot,)
+
+
+def _is_aside(request: Request, robots: RobotTable) -> bool:
+    """Whether a robot has stepped aside to its place."""
+    at = request.at if request.verb == "step_aside" else None
+    return at is not None and dist(robots.reported_pose(request.robot)[:2], at) <= ARRIVED_M
+
+
+def _has_passed(asked: Asked, robots: RobotTable) -> bool:
+    """Whether a robot has stepped aside, and the other has driven on since, or has left."""
+    other = asked.request.other or ""
+    return _is_aside(asked.request, robots) and (
+        other not in robots or dist(robots.reported_pose(other)[:2], asked.other_from_m) >= PASSED_M
+    )

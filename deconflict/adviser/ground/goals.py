@@ -7,18 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.adviser.asked import Option
+from deconflict.adviser.ground.asides import aside_m
 from deconflict.adviser.ground.barred_ground import BarredGround
 from deconflict.adviser.ground.seen_ground import SeenGround, size_of
 from deconflict.adviser.ground.tracks import Tracks, other_bodies
-from deconflict.adviser.ways import BESIDE_M, Boxes, Point, Ways, touch, wanted_ways
+from deconflict.adviser.ways import BESIDE_M, Boxes, Point, touch, wanted_ways
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings.site import Site
-from deconflict_client.verbs import Side
+from deconflict_client.verbs import Side, Verb
 from ingest.batch import Floats
 
+SEARCHED: tuple[Verb, ...] = ("back_out", "step_aside")
+"""Verbs for which a place is searched for."""
 SEARCHED_S, SEARCHES = 2.0, 6
-"""Where no place to back out to was found, it is not searched again for this time; and so many searches in a step."""
+"""Where no place was found, it is not searched again for this time; and so many searches in a step."""
 WHOLE_WAY_M = 20.0
 """A robot makes room where the other, which passes, will not come on the next metres of its way."""
 SIDES: tuple[Side, Side] = ("right", "left")
@@ -41,8 +44,8 @@ class Goals:
         """`site` says onto which ground nobody is sent."""
         self._barred, self.seen = BarredGround(site), SeenGround(site)
         self._tracks = Tracks(self._barred, self.seen)
-        self._searched_s: dict[str, float] = {}
-        """By robot: when a place to go to was searched for."""
+        self._searched_s: dict[tuple[str, Verb], float] = {}
+        """By robot and verb: when a place to go to was searched for."""
         self._searches_left = SEARCHES
 
     def begin_step(self) -> None:
@@ -56,11 +59,12 @@ class Goals:
         """Robots have left."""
         self._tracks.forget(robots)
         for uuid in robots:
-            self._searched_s.pop(uuid, None)
+            for verb in SEARCHED:
+                self._searched_s.pop((uuid, verb), None)
 
     def searched_s(self, robot: str) -> float:
         """When a place for a robot was last searched for."""
-        return self._searched_s.get(robot, -inf)
+        return max(self._searched_s.get((robot, verb), -inf) for verb in SEARCHED)
 
     def find(self, option: Option, way_rad: float, robots: RobotTable, now_s: float) -> Goal | None:
         """The place of what a robot could be asked for. None if it cannot be asked because there is none. `way_rad` is
@@ -69,9 +73,9 @@ class Goals:
             return self._beside(option, way_rad, robots)
         if option.verb == "other_way":
             return Goal(robots.reported_pose(option.other)[:2])
-        if option.verb != "back_out":
+        if option.verb not in SEARCHED:
             return Goal()
-        at_m = self._refuge_m(option, robots, now_s)
+        at_m = self._room_m(option, robots, now_s)
         return Goal(at_m) if at_m else None
 
     def _beside(self, option: Option, way_rad: float, robots: RobotTable) -> Goal | None:
@@ -90,22 +94,21 @@ class Goals:
         row = int(np.where(is_known, _aside_m(robots, option, way_rad, sides), inf).argmin())
         return Goal(side=SIDES[row], beside_m=(round(float(sides.x_m[row]), 1), round(float(sides.y_m[row]), 1)))
 
-    def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> Point | None:
-        """Where a robot can back out to. Not searched again soon, nor often in one step."""
-        if not self._searches_left or now_s - self.searched_s(option.robot) < SEARCHED_S:
+    def _room_m(self, option: Option, robots: RobotTable, now_s: float) -> Point | None:
+        """Where a robot can back out or step aside to. Not searched again soon, nor often in one step."""
+        if not self._searches_left or now_s - self._searched_s.get((option.robot, option.verb), -inf) < SEARCHED_S:
             return None
         self._searches_left -= 1
-        self._searched_s[option.robot] = now_s
+        self._searched_s[option.robot, option.verb] = now_s
         slot, other = _slot(robots, option.robot), _slot(robots, option.other)
-        return self._tracks.refuge_m(robots, option.robot, _passing(robots, other), other_bodies(robots, slot, other))
+        passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
+        if option.verb == "back_out":
+            return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
+        return aside_m(robots, option.robot, passing, other_bodies(robots, slot), self._barred, self.seen)
 
 
 def _slot(robots: RobotTable, uuid: str) -> int:
     return int(np.flatnonzero(robots.column({uuid: 1}))[0])
-
-
-def _passing(robots: RobotTable, other: int) -> Ways:
-    return wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
 
 
 def _sides(robots: RobotTable, option: Option, way_rad: float) -> Boxes:

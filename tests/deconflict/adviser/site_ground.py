@@ -41,3 +41,6 @@ def site_of(*sections: Section, **keys: Any) -> Site:
         for key, entries in section.items():
             joined.setdefault(key, []).extend(entries)
     return Site.model_validate({"datums": DATUMS, **joined, **keys})
+
+
+REFUGE = {"areas": [{"name": "Wide aisle", "refuge": True, "floor": LOWER, "outline_m": box(-9.0, -9.0, 9.0, 9.0)}]}

@@ -7,13 +7,12 @@ import pytest
 from deconflict.adviser import Adviser, Request
 from deconflict.settings.site import DEFAULT, Site
 from tests.deconflict.adviser.advised_floor import AdvisedFloor
-from tests.deconflict.adviser.floors import LOWER, Floor, Robot, face_to_face
-from tests.deconflict.adviser.site_ground import area, box, obstacle, site_of
+from tests.deconflict.adviser.floors import Floor, Robot, face_to_face
+from tests.deconflict.adviser.site_ground import REFUGE, area, box, obstacle, site_of
 
 RIGHT_M, LEFT_M = (1.6, -0.8), (1.6, 0.8)
 """Beside the robot that stands before one which drives east."""
 NORTH, SOUTH = box(-9.0, 0.5, 9.0, 3.0), box(-9.0, -3.0, 9.0, -0.5)
-REFUGE = {"areas": [{"name": "Wide aisle", "refuge": True, "floor": LOWER, "outline_m": box(-9.0, -9.0, 9.0, 9.0)}]}
 
 
 def drive_by(y_m: float, *, size_m: float = 0.0) -> Robot:
