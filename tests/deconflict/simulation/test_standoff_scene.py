@@ -72,6 +72,7 @@ class AdvisedScene:
             robot=request.robot,
             verb=request.verb,
             other=request.other,
+            side=request.side,
             robots=tuple(sorted((request.robot, request.other or ""))),
             place=Location(datum=GROUND_ID, x=request.at[0], y=request.at[1]) if request.at else None,
             raised_at=moment(now_s),
