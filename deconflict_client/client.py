@@ -13,7 +13,7 @@ from collections.abc import AsyncGenerator, AsyncIterator, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, overload
+from typing import Any, Literal, Self, overload
 from urllib.parse import urlencode
 
 import httpx
@@ -143,13 +143,21 @@ class Client:
         situations = [Situation.model_validate(situation) for situation in answer["situations"]]
         return SituationListing(seq=answer["seq"], situations=situations, more=answer["more"])
 
-    async def advice(self, vendor: str | None = None) -> AdviceListing:
-        """What is asked of the robots of a vendor, or of all, newest first, and the stream's position: follow
-        `kinds=["advice"]` from there. Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
+    async def advice(
+        self, vendor: str | None = None, *, robot: str | None = None, state: Literal["open", "cleared", "all"] = "open"
+    ) -> AdviceListing:
+        """What is asked of the robots of a vendor, of one robot (UUID), or of all, newest first, and the stream's
+        position: follow `kinds=["advice"]` from there.
+
+        Raises `ClientError`, and `httpx.HTTPError` if the service can't be reached.
         """
-        parameters = {"limit": str(MOST_LISTED)} | _given(vendor)
+        parameters = {"limit": str(MOST_LISTED), "state": state} | _given(vendor) | ({"robot": robot} if robot else {})
         found = AdviceList.model_validate(_json(await self._http.get("/advice", params=parameters)))
-        asked = [each for each in found.advice if vendor in (None, each.vendor)]
+        asked = [
+            each
+            for each in found.advice
+            if vendor in (None, each.vendor) and (robot is None or robot.lower() == each.robot)
+        ]
         return AdviceListing(seq=found.seq, advice=asked, more=found.more, unknown=found.unknown)
 
     async def answer(self, advice_id: str, answer: AdviceAnswer, *, why: str = "", name: str = "") -> RobotAdvice:

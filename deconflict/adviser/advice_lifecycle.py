@@ -192,10 +192,14 @@ def _why(
     return ClearedCode.LAPSED if now_s >= advice.latest_at.timestamp() else ClearedCode.DONE
 
 
+def _at(request: Request) -> tuple[float, float] | None:
+    return request.at or request.beside
+
+
 def _point(request: Request, robots: RobotTable) -> FloorPoint:
-    """Where to go, or where to wait; the place of the robot if the verb has none."""
+    """Where to go, or where to wait; the place of the robot if there is none."""
     robot = robots[request.robot]
-    return FloorPoint(robot.datum, *(request.at or robots.reported_pose(request.robot)[:2]))
+    return FloorPoint(robot.datum, *(_at(request) or robots.reported_pose(request.robot)[:2]))
 
 
 def _advice(request: Request, point: FloorPoint, spot: Spot, robots: RobotTable, now_s: float) -> RobotAdvice:
@@ -203,8 +207,8 @@ def _advice(request: Request, point: FloorPoint, spot: Spot, robots: RobotTable,
     x_m, y_m, _ = robots.reported_pose(request.robot)
     robot, now = robots[request.robot], moment(now_s)
     involved = _involved(request, robots)
-    other, place_text = robots[request.other].name if request.other else "", spot.text if request.at else ""
-    headline = advice_headline(request.verb, robot.name, other, place_text)
+    other, place_text = robots[request.other].name if request.other else "", spot.text if _at(request) else ""
+    headline = advice_headline(request.verb, robot.name, other, place_text, request.side)
     return RobotAdvice(
         id=new_id(f"advice {request.robot} {request.verb}", now_s),
         revision=1,
@@ -218,14 +222,15 @@ def _advice(request: Request, point: FloorPoint, spot: Spot, robots: RobotTable,
         predicted_at=now,
         time_to_conflict_s=0.0,
         location=Location(datum=robot.datum, x=x_m, y=y_m),
-        places=spot.places if request.at else (),
+        places=spot.places if _at(request) else (),
         summary=advice_summary(headline, request.latest_s - now_s, request.saving_s),
         headline=headline,
         robot=request.robot,
         vendor=robot.vendor,
         verb=request.verb,
-        place=Location(datum=point.datum, x=point.x_m, y=point.y_m) if request.at else None,
+        place=Location(datum=point.datum, x=point.x_m, y=point.y_m) if _at(request) else None,
         place_text=place_text,
+        side=request.side,
         other=request.other,
         until=request.until,
         latest_at=moment(request.latest_s),

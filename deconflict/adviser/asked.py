@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from math import floor
+from math import floor, nan
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
@@ -26,6 +26,9 @@ UNABLE_AFTER = 2
 """A verb that so many robots of a vendor could not do, and none could, is not asked of that vendor."""
 UNABLE_S = 7 * 86400.0
 """After this time it is asked again: the vendor's program may be another."""
+OF_ABLE: frozenset[Verb] = frozenset(("step_aside",))
+"""Verbs that few robots can do: asked only of vendors whose section of the site file has them, or of whose robots one
+has accepted."""
 CANNOT, BUSY = "cannot", "busy"
 """Reasons to decline: a vendor that never can, and a robot that cannot now. Any other is about the place."""
 PLACE_M = 3.0
@@ -65,6 +68,8 @@ class Asked:
     """Its heading then."""
     rolls_m: float = 0.0
     """How far it may roll on before it stands."""
+    other_from_m: tuple[float, float] = (nan, nan)
+    """Where the other robot was when it was asked."""
     answer: str = ""
     begun_s: float | None = None
     waits: Request | None = None
@@ -109,7 +114,7 @@ class Following:
     """Which robots follow requests, and which verbs their vendors can do."""
 
     def __init__(self, verbs: Mapping[str, Collection[Verb]]) -> None:
-        """`verbs` may be asked of the robots of a vendor; every verb of robots of vendors that are not named."""
+        """`verbs` may be asked of the robots of a vendor; of robots of other vendors all but those `OF_ABLE`."""
         self._verbs = verbs
         self._robots: dict[str, _OfRobot] = {}
         self._can: dict[tuple[str, Verb], tuple[set[str], dict[str, float]]] = {}
@@ -152,6 +157,8 @@ class Following:
     def can(self, vendor: str, verb: Verb, now_s: float) -> bool:
         """Whether a verb may be asked of the robots of a vendor."""
         able, unable = self._can.get((vendor, verb), ((), {}))
+        if vendor not in self._verbs and verb in OF_ABLE and not able:
+            return False
         return verb in self._verbs.get(vendor, (verb,)) and (bool(able) or len(_lately(unable, now_s)) < UNABLE_AFTER)
 
     def waits_s(self) -> float:

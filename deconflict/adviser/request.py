@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from deconflict_client.verbs import Side
 from deconflict_client.verbs import Verb as Verb  # noqa: PLC0414 - callers import it from here
 
 
@@ -26,3 +27,7 @@ class Request:
     """Seconds that all robots are expected to save in the next minute."""
     saving_interval_s: tuple[float, float] | None = None
     """80 % interval of these seconds."""
+    side: Side | None = None
+    """On which side of the other it goes around it, seen along its own way; None if that is left to the robot."""
+    beside: tuple[float, float] | None = None
+    """The point beside the other on this side that it drives over."""

@@ -3,18 +3,14 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import count
-from math import hypot, inf, pi, remainder
-
-import numpy as np
+from math import dist, hypot, pi, remainder
 
 from deconflict.adviser.asked import Asked, Following, Option
-from deconflict.adviser.barred_ground import BarredGround
+from deconflict.adviser.ground.goals import Goals
 from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
-from deconflict.adviser.tracks import Tracks, other_bodies
-from deconflict.adviser.ways import wanted_ways
+from deconflict.adviser.ways import WAITING
 from deconflict.adviser.worth import ExpectedSaving, Worth
-from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.runtime.learned_state import Learner
@@ -44,13 +40,17 @@ PASSED_M = 3.0
 FAR_M = 1.0
 """A robot that stands again before it has come so far did not get round the other, which is asked next."""
 LATEST_S = 20.0
-VERBS: tuple[Verb, ...] = ("go_around", "go_first", "other_way", "back_out")
+"""How long a request is open; twice as long for robots that make room and wait."""
+MAKING_ROOM: tuple[Verb, ...] = ("step_aside", "back_out")
+VERBS: tuple[Verb, ...] = ("go_around", "go_first", "step_aside", "other_way", "back_out")
 """Those that are asked of a robot that yields, or goes first; the cheapest first."""
-RING_VERBS: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
-SEARCHED_S, SEARCHES = 2.0, 6
-"""Where no place to back out to was found, it is not searched again for this time; and so many searches in a step."""
-WHOLE_WAY_M = 20.0
-"""A robot backs out to where the other, which passes, will not come on the next metres of its way."""
+RING_VERBS: tuple[Verb, ...] = ("go_around", "step_aside", "other_way", "back_out")
+LEAVING: tuple[Verb, ...] = ("go_around", "other_way", "back_out")
+"""What a robot can do that stands behind one which only stands in its way; that one can step aside."""
+MAY_MOVE = frozenset(("idle", "navigating", WAITING))
+"""States in which a robot that stands in the way is held by nothing else that it reports."""
+ARRIVED_M = 0.5
+"""A robot that is so near to the place has stepped aside."""
 LIKELY = 0.3
 """What robots do less likely is asked last."""
 PROBABLE = 0.85
@@ -70,14 +70,13 @@ class StandoffAdvice:
         """By robot."""
         self._asked: dict[str, Asked] = {}
         """By id of the request."""
-        self._following = Following({vendor.name: vendor.verbs for vendor in site.vendors})
-        self._ground = BarredGround(site)
-        self._worth, self._tracks = Worth(), Tracks(self._ground)
+        self._following = Following(
+            {vendor.name: vendor.verbs for vendor in site.vendors if "verbs" in vendor.model_fields_set}
+        )
+        self._goals = Goals(site)
+        self._worth = Worth()
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
-        self._searched_s: dict[str, float] = {}
-        """By robot: when a place to back out to was searched for."""
-        self._searches_left = SEARCHES
         self._standing = Standing({}, [])
 
     @property
@@ -92,8 +91,9 @@ class StandoffAdvice:
 
     @property
     def learners(self) -> dict[str, Learner]:
-        """What is worth keeping over a restart: how long standoffs and requests last, who yielded, and who follows."""
-        return {"standoffs": self._worth, "requests": self._following}
+        """What is worth keeping over a restart: how long standoffs and requests last, who yielded, who follows, and
+        where bodies were."""
+        return {"standoffs": self._worth, "requests": self._following, "ground": self._goals.seen}
 
     @property
     def crossings(self) -> list[Crossing]:
@@ -106,11 +106,9 @@ class StandoffAdvice:
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""
-        self._tracks.forget(batch.gone)
+        self._goals.forget(batch.gone)
         self._following.forget(batch.gone)
-        for uuid in batch.gone:
-            self._searched_s.pop(uuid, None)
-        self._tracks.observe(robots, (uuid for uuid in batch.robots if uuid in robots))
+        self._goals.receive(robots, (uuid for uuid in batch.robots if uuid in robots))
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
         """What a robot answered to a request.
@@ -135,16 +133,19 @@ class StandoffAdvice:
         """Requests that are new, or withdrawn."""
         self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE)
         self._observe_standing(now_s)
-        self._searches_left = SEARCHES
+        self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        for ring in sorted(self._standing.rings, key=self._ring_searched_s):
+        # Those that wait for a place for longest come first.
+        for ring in sorted(self._standing.rings, key=lambda ring: max(map(self._goals.searched_s, ring))):
             changed += self._for_ring(ring, robots, now_s)
         for waiting in self._standing.waiting.values():
             is_in_ring = waiting.robot in self._standing.in_rings
             stood_s = now_s - waiting.both_since_s
             if not is_in_ring and stood_s >= STANDS_S:
-                verbs = RING_VERBS if stood_s >= LONG_S else RING_VERBS[:1]
+                verbs = LEAVING if stood_s >= LONG_S else LEAVING[:1]
                 options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
+                if robots[waiting.other].state in MAY_MOVE and robots[waiting.other].here is None:
+                    options.append(Option(waiting.other, "step_aside", waiting.robot))
                 changed += self._ask_best("stander", stood_s, options, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
@@ -188,7 +189,8 @@ class StandoffAdvice:
             yield from self._follow_up(asked, moved_m, robots, now_s)
             return
         is_late = now_s - asked.asked_s >= (BEGINS_S if asked.answer else self._following.waits_s())
-        stands = asked.request.verb == "go_first" or robot in self._standing.waiting
+        is_in_way = asked.request.verb == "step_aside" and self._standing.behind(robot) > 0
+        stands = asked.request.verb == "go_first" or is_in_way or robot in self._standing.waiting
         is_over = is_late and stands if asked.answer else is_late or not stands
         if asked.answer == "declined" or is_over:
             yield from self._end(asked, asked.request)
@@ -203,7 +205,10 @@ class StandoffAdvice:
     def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
         """End a request that is done, or whose robot stands for somebody again. Returns what is withdrawn."""
         request, takes_s = asked.request, max(now_s - asked.asked_s, 0.0)
-        is_done = moved_m >= PASSED_M or asked.answer == "done"
+        is_aside = _is_aside(request, robots)
+        is_done = asked.answer == "done" or (
+            _has_passed(asked, robots) if request.verb == "step_aside" else moved_m >= PASSED_M
+        )
         if is_done and asked.begun_s is not None and request.other in robots:
             yields = Option(request.robot, request.verb, request.other or "").yields
             vendors = robots[yields[0]].vendor, robots[yields[1]].vendor
@@ -213,7 +218,7 @@ class StandoffAdvice:
             return self._end(asked)
         waiting, rested_s = self._standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
         stands_again = rested_s >= STANDS_S if request.verb == "go_first" else waiting and not waiting.speed_mps
-        if takes_s < STANDS_S or not stands_again:
+        if takes_s < STANDS_S or is_aside or not stands_again:
             return []
         if moved_m < FAR_M:
             self._following.stop(request, now_s)
@@ -283,49 +288,44 @@ class StandoffAdvice:
 
     def _request(self, option: Option, saving: ExpectedSaving, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        at = self._place_m(option, robots, now_s)
-        if option.verb == "back_out" and at is None:
+        waiting = self._standing.waiting.get(option.robot)
+        goal = self._goals.find(option, waiting.way_rad if waiting else 0.0, robots, now_s)
+        if goal is None:
             return None
-        if option.verb == "go_around":
-            way_rad = self._standing.waiting[option.robot].way_rad
-            if not self._ground.leaves_a_side(robots, option.robot, option.other, way_rad):
-                return None
-        latest_s = now_s + (2 * LATEST_S if option.verb == "back_out" else LATEST_S)
+        latest_s = now_s + (2 * LATEST_S if option.verb in MAKING_ROOM else LATEST_S)
         until = () if option.verb == "go_first" else (option.other,)
         request = replace(
-            self._new(option, at, until, latest_s), saving_s=saving.mean_s, saving_interval_s=saving.interval_s
+            self._new(option, goal.at_m, until, latest_s),
+            side=goal.side,
+            beside=goal.beside_m,
+            saving_s=saving.mean_s,
+            saving_interval_s=saving.interval_s,
         )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
-        waiting = self._standing.waiting.get(option.robot)
         rolls_m = waiting.speed_mps * ROLLS_S if waiting else 0.0
-        self._open[option.robot] = self._asked[request.id] = Asked(request, now_s, (x_m, y_m), yaw_rad, rolls_m)
+        self._open[option.robot] = self._asked[request.id] = Asked(
+            request, now_s, (x_m, y_m), yaw_rad, rolls_m, robots.reported_pose(option.other)[:2]
+        )
         self._following.ask(option.robot, now_s)
         return request
 
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
         return Request(str(next(self._numbers)), option.robot, option.verb, at, option.other, until, latest_s)
 
-    def _place_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
-        """The place of a request. None if it has none, or none was found."""
-        if option.verb == "other_way":
-            return robots.reported_pose(option.other)[:2]
-        return self._refuge_m(option, robots, now_s) if option.verb == "back_out" else None
-
-    def _refuge_m(self, option: Option, robots: RobotTable, now_s: float) -> tuple[float, float] | None:
-        """Where a robot can back out to. Not searched again soon, nor often in one step."""
-        if not self._searches_left or now_s - self._searched_s.get(option.robot, -inf) < SEARCHED_S:
-            return None
-        self._searches_left -= 1
-        self._searched_s[option.robot] = now_s
-        numbers = robots.column({option.robot: 1, option.other: 2})
-        slot, other = (int(np.flatnonzero(numbers == number)[0]) for number in (1, 2))
-        passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
-        return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
-
-    def _ring_searched_s(self, ring: tuple[str, ...]) -> float:
-        """When a place for one of a ring was last searched for: those that wait for longest come first."""
-        return max(self._searched_s.get(robot, -inf) for robot in ring)
-
 
 def _both(request: Request) -> tuple[str, ...]:
     return (request.robot, request.other) if request.other else (request.robot,)
+
+
+def _is_aside(request: Request, robots: RobotTable) -> bool:
+    """Whether a robot has stepped aside to its place."""
+    at = request.at if request.verb == "step_aside" else None
+    return at is not None and dist(robots.reported_pose(request.robot)[:2], at) <= ARRIVED_M
+
+
+def _has_passed(asked: Asked, robots: RobotTable) -> bool:
+    """Whether a robot has stepped aside, and the other has driven on since, or has left."""
+    other = asked.request.other or ""
+    return _is_aside(asked.request, robots) and (
+        other not in robots or dist(robots.reported_pose(other)[:2], asked.other_from_m) >= PASSED_M
+    )

@@ -83,6 +83,8 @@ class NamedArea(FloorPart):
     """Name for people."""
     keep_clear: bool = False
     """Whether advice sends no robot onto it: ground for people, or in front of a fire door."""
+    refuge: bool = False
+    """Whether advice may send robots of every size onto it, also where none was seen: to make room for others."""
 
 
 class Obstacle(FloorPart):
@@ -153,6 +155,8 @@ def floor_part_problems(
             yield f"{key}.floor: is missing; expected one of {choices}"
         elif part.floor and all(datum.id != part.floor for datum in datums):
             yield f"{key}.floor: no datum has the id {part.floor!r}; expected one of {choices}"
+        if isinstance(part, NamedArea) and part.keep_clear and part.refuge:
+            yield f"{key}.refuge: no robot is sent onto an area with keep_clear; expected only one of the two"
         if problem := _outline_problem(part.outline_m):
             yield f"{key}.outline_m: {problem}"
 

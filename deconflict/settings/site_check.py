@@ -126,6 +126,19 @@ def questions(site: Site) -> Iterator[str]:
     for key, size_m in _envelopes(site):
         if max(size_m[:2]) > LARGE_ENVELOPE_M:
             yield f"{key}: an envelope of {size_m[0]:g} x {size_m[1]:g}; is it in metres?"
+    if site.cluster:
+        yield from _unasked(site)
+
+
+def _unasked(site: Site) -> Iterator[str]:
+    """Keys that wait for advice to single robots, which no engine of a cluster gives."""
+    for row, vendor in enumerate(site.vendors):
+        if "verbs" in vendor.model_fields_set and vendor.verbs:
+            yield f"vendors[{row}].verbs: in a cluster nothing is asked of robots; `GET /advice` stays empty"
+    for row, outlet in enumerate((*site.webhooks, *((site.mqtt,) if site.mqtt else ()))):
+        if "advice" in outlet.kinds:
+            key = f"webhooks[{row}]" if row < len(site.webhooks) else "mqtt"
+            yield f"{key}.kinds: in a cluster there is no advice to send"
 
 
 def _envelopes(site: Site) -> Iterator[tuple[str, Envelope]]:

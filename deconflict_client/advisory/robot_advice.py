@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from deconflict_client.advisory import Advisory, Location, Robot
-from deconflict_client.verbs import Verb
+from deconflict_client.verbs import Side, Verb
 
 ASKED, ENDED = "deconflict_advice_asked_total", "deconflict_advice_ended_total"
 YIELDED = "deconflict_advice_yielded_seconds_total"
@@ -24,7 +24,14 @@ class RobotAdvice(Advisory):
     vendor: str = Field(description="the vendor that is asked: only it may answer")
     verb: Verb
     place: Location | None = Field(
-        default=None, description="where to go, or the point of its way not to pass; null if the verb needs none"
+        default=None,
+        description="where to go, or the point of its way not to pass; with `side` the point beside `other` that it "
+        "drives over; null if the verb needs none",
+    )
+    side: Side | None = Field(
+        default=None,
+        description="on which side of `other` to go around it, seen along the way of the robot; null for other verbs, "
+        "and where the robot chooses",
     )
     place_text: str = Field(default="", description="the same for people; empty if there is no place")
     other: Robot | None = Field(default=None, description="UUID of the robot for which it is asked")

@@ -46,15 +46,21 @@ class SitePlace(BaseModel):
     polygon: Corners
 
 
-class SiteArea(BaseModel):
-    """A part of a floor with a name."""
+class SiteFloorPart(BaseModel):
+    """A part of a floor of which predictions know nothing."""
 
     name: str
     floor: str = Field(description="id of the floor")
     polygon: Corners
 
 
-class SiteObstacle(SiteArea):
+class SiteArea(SiteFloorPart):
+    """A part of a floor with a name."""
+
+    keep_clear: bool = Field(default=False, description="whether advice sends no robot onto it")
+
+
+class SiteObstacle(SiteFloorPart):
     """A rack, a wall or a machine."""
 
     kind: str

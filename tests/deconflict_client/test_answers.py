@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from deconflict.roles.health.file_health import FileHealth
 from deconflict.roles.health.positions_health import brokers_document
 from deconflict.settings.site import Site
+from deconflict_client.advisory import ClearedCode
 from deconflict_client.answers.blackbox_models import BlackBoxList
 from deconflict_client.answers.health_models import BrokersHealthPart, FilesHealthPart, ServiceHealth
 from deconflict_client.answers.robot_models import RobotList
@@ -19,7 +20,7 @@ from deconflict_client.client import Client, ClientError, NoSuchAdvisoryError
 from ingest.settings import Vendor
 from tests.deconflict.operator.http.served_face import ROBOT_DOCUMENTS, Served, served
 from tests.deconflict.roles.made_service import MEETING, drive, running
-from tests.helpers.made_advisories import made
+from tests.helpers.made_advisories import ROBOTS, START, made, made_advice
 from tests.helpers.made_site import sound
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.typed_answers import left_out
@@ -97,6 +98,19 @@ async def test_the_client_gets_robots_and_is_told_of_a_vendor_that_nobody_knows(
             assert answer.unknown == {"vendor": "no vendor 'Carg' is known; known: Acme and Cargo"}
         with pytest.raises(NoSuchAdvisoryError, match="404: no robot 'x' has reported"):
             await client.robot("x")
+
+
+async def test_the_client_lists_advice_by_the_vendor_and_the_robot_that_is_asked_and_by_state(tmp_path: Path) -> None:
+    async with served(tmp_path) as face, Client(face.http) as client:
+        first, second = made_advice(1), made_advice(2, robot=ROBOTS[1], vendor="Borealis", other=ROBOTS[0])
+        await face.publish(first, second, second.cleared_revision(START.timestamp() + 1.0, ClearedCode.DONE))
+        assert [each.id for each in (await client.advice()).advice] == [first.id]
+        listings = [
+            await client.advice("Borealis", state="all"),
+            await client.advice(robot=ROBOTS[1].upper(), state="all"),
+            await client.advice(state="cleared"),
+        ]
+        assert [[each.id for each in listing.advice] for listing in listings] == [[second.id]] * 3
 
 
 async def test_the_client_gets_the_state_of_a_service_that_is_degraded(tmp_path: Path) -> None:

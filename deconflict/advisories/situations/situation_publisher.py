@@ -12,6 +12,7 @@ from deconflict.advisories.situations.situation_counts import (
 )
 from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
+from deconflict_client.advisory.robot_advice import RobotAdvice
 from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.measures.measures import Measures
 
@@ -53,6 +54,16 @@ class SituationPublisher:
     def stamped(self, revisions: Iterable[AnyAdvisory]) -> list[AnyAdvisory]:
         """The revisions of advisories with the ids of the situations that they are part of so far."""
         return self._lifecycle.stamped(revisions)
+
+    def stamped_advice(self, advice: Iterable[RobotAdvice]) -> list[RobotAdvice]:
+        """What is asked of robots, with the id of the newest situation that is open and has the robot and the one for
+        which it is asked. None if there is none yet: robots are asked before people are told."""
+        return [each.model_copy(update={"situation_id": self._situation_with(each)}) for each in advice]
+
+    def _situation_with(self, advice: RobotAdvice) -> str | None:
+        pair = {advice.robot, advice.other or advice.robot}
+        found = [situation for situation in self._open.values() if pair <= set(situation.robots)]
+        return max(found, key=lambda situation: (situation.raised_at, situation.id)).id if found else None
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[Situation]:
         """The revisions of situations that follow from those of advisories in one pass, and from the time."""

@@ -193,7 +193,7 @@ def site_document(site: Site) -> dict[str, Any]:
         "name": site.name,
         "floors": floors,
         "places": drawn,
-        "areas": [_floor_part(area, site) for area in site.areas],
+        "areas": [_floor_part(area, site) | {"keep_clear": area.keep_clear} for area in site.areas],
         "obstacles": [_floor_part(obstacle, site) | {"kind": obstacle.kind} for obstacle in site.obstacles],
         "clearance_m": site.conflict.clearance_m,
         "horizon_s": site.conflict.horizon_s,

@@ -9,6 +9,7 @@ import { Feed } from "./floor/feed.js";
 import { Filters } from "./list/filters.js";
 import { Live } from "./floor/live.js";
 import { FloorMap, swatch } from "./map/floor_map.js";
+import { hatchSign } from "./map/ground_layer.js";
 import { Past } from "./floor/past.js";
 import { inside } from "./map/places.js";
 import { poseAt } from "./map/motion.js";
@@ -224,6 +225,9 @@ function list() {
   for (const robot of known) vendors.indexOf(robot.vendor);
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
   vendors.legend($("legend"), root.dataset.theme, swatch, vendors.counted(here));
+  const keepClear = $("keep-clear");
+  keepClear.hidden = !site.areas.some((area) => area.floor === floor && area.keep_clear);
+  hatchSign(keepClear.firstElementChild, getComputedStyle(keepClear).color);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${vendors.counted(here)}, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);

@@ -55,7 +55,7 @@ class LiveSituations:
         self._people.renew(site)
 
     async def publish(self, revisions: Iterable[AnyRevision]) -> None:
-        """Publish revisions of advisories with the ids of their situations, and of advice.
+        """Publish revisions of advisories and of advice, with the ids of their situations.
 
         Raises `StoreError` if the store takes nothing; then the call is to be made again.
         """
@@ -65,7 +65,7 @@ class LiveSituations:
             revisions = list(revisions)
             advisories = advisories_of(revisions)
             if advice := advice_of(revisions):
-                self._requests += advice_of(await self._publisher.publish(advice))
+                self._requests += advice_of(await self._publisher.publish(self._situations.stamped_advice(advice)))
             if advisories:
                 await self._publisher.publish(self._situations.stamped(advisories))
             self._advisories += advisories

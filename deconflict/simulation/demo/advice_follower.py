@@ -96,7 +96,7 @@ class Follower:
             case "back_out":
                 return self._back_out(advice, row)
             case "go_around" if other is not None:
-                return "" if self._world.go_around(row, other) else "no room"
+                return "" if self._world.go_around(row, other, advice.side) else "no room"
         return "cannot"
 
     def _back_out(self, advice: RobotAdvice, row: int) -> str:

@@ -1,5 +1,6 @@
 """What advice saves: it is on and off in turns, and what robots do in neighbouring turns is compared."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import inf, sqrt
 from typing import Any
@@ -28,6 +29,8 @@ class Turn:
     """Metres driven forwards, less those driven backwards."""
     stood_share: float
     """Share of this time for which they stood."""
+    stood_share_of: dict[str, float]
+    """The same of each vendor's robots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +48,16 @@ class Saved:
 class AdviceTurns:
     """The turns of a world. Call `begin` once there is advice, and `update` after each step."""
 
-    def __init__(self, world: MovingRobots) -> None:
+    def __init__(self, world: MovingRobots, vendors: Sequence[str]) -> None:
+        """`vendors` has the vendor of each robot."""
         self._world, self._begins_s = world, inf
-        self._driven_m = self._stood_s = self._on_way_s = 0.0
+        self.vendors = sorted(set(vendors))
+        self._is_of = np.array(vendors) == np.array(self.vendors)[:, None]
+        """(v, n) whether a robot is a vendor's."""
+        self._driven_m = 0.0
         """Of the turn that lasts, over all robots."""
+        self._stood_s, self._on_way_s = np.zeros((2, len(self.vendors)))
+        """The same by vendor."""
         self.turns: list[Turn] = []
         """Those that have ended."""
 
@@ -73,32 +82,43 @@ class AdviceTurns:
         if in_turn_s >= SETTLES_S:
             on_way = np.isin(world.doing, (Activity.DRIVING, Activity.BACKING, Activity.HOLDING))
             self._driven_m += dt_s * float(world.velocities()[:, 0].sum())
-            self._stood_s += dt_s * float((on_way & (np.abs(world.speed_mps) < STANDING_MPS)).sum())
-            self._on_way_s += dt_s * float(on_way.sum())
+            self._stood_s += dt_s * (self._is_of & on_way & (np.abs(world.speed_mps) < STANDING_MPS)).sum(axis=1)
+            self._on_way_s += dt_s * (self._is_of & on_way).sum(axis=1)
         if in_turn_s >= TURN_S:
-            on_way_s = max(self._on_way_s, dt_s)
-            self.turns.append(Turn(self.is_on, self._driven_m / on_way_s, self._stood_s / on_way_s))
-            self._driven_m = self._stood_s = self._on_way_s = 0.0
+            on_way_s, shares = max(float(self._on_way_s.sum()), dt_s), self._stood_s / np.maximum(self._on_way_s, dt_s)
+            shares_of = dict(zip(self.vendors, shares.tolist(), strict=True))
+            stood_share = float(self._stood_s.sum()) / on_way_s
+            self.turns.append(Turn(self.is_on, self._driven_m / on_way_s, stood_share, shares_of))
+            self._driven_m = 0.0
+            self._stood_s, self._on_way_s = np.zeros((2, len(self.vendors)))
 
-    def saved(self, name: str) -> Saved | None:
-        """The pairs so far by one of the figures of `Turn`. None if there is no pair."""
+    def saved(self, name: str, vendor: str = "") -> Saved | None:
+        """The pairs so far by one of the figures of `Turn`, of one that is by vendor that of a vendor. None if there is
+        no pair."""
         pairs = [
             sorted(pair, key=lambda turn: turn.advice) for pair in zip(self.turns[::2], self.turns[1::2], strict=False)
         ]
         if not pairs:
             return None
-        without, with_advice = np.array([[getattr(turn, name) for turn in pair] for pair in pairs]).T
+        without, with_advice = np.array([[_figure(turn, name, vendor) for turn in pair] for pair in pairs]).T
         difference, interval = paired(with_advice - without)
         return Saved(len(pairs), float(with_advice.mean()), float(without.mean()), difference, interval)
 
     def result(self) -> dict[str, Any]:
         """All turns, and what was saved, rounded."""
         turns = [{name: _rounded(value) for name, value in asdict(turn).items()} for turn in self.turns]
-        return {"turns": turns} | {name: self._rounded_saved(name) for name in ("driven_mps", "stood_share")}
+        of_vendors = {vendor: self._rounded_saved("stood_share_of", vendor) for vendor in self.vendors}
+        saved = {name: self._rounded_saved(name) for name in ("driven_mps", "stood_share")}
+        return {"turns": turns, **saved, "stood_share_of": of_vendors}
 
-    def _rounded_saved(self, name: str) -> dict[str, Any] | None:
-        saved = self.saved(name)
+    def _rounded_saved(self, name: str, vendor: str = "") -> dict[str, Any] | None:
+        saved = self.saved(name, vendor)
         return {key: _rounded(value) for key, value in asdict(saved).items()} if saved else None
+
+
+def _figure(turn: Turn, name: str, vendor: str) -> float:
+    figure = getattr(turn, name)
+    return float(figure[vendor] if vendor else figure)
 
 
 def paired(differences: Floats) -> tuple[float, tuple[float, float] | None]:
@@ -113,4 +133,6 @@ def paired(differences: Floats) -> tuple[float, tuple[float, float] | None]:
 def _rounded(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_rounded(each) for each in value]
+    if isinstance(value, dict):
+        return {key: _rounded(each) for key, each in value.items()}
     return round(value, 3) if isinstance(value, float) else value

@@ -23,6 +23,7 @@ from deconflict.simulation.driving.protection import Bools, Traffic, centres, ma
 from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import BodySize, Chassis
+from deconflict_client.verbs import Side
 from ingest.batch import Floats, Ints
 
 ARRIVED_M = 0.03
@@ -270,10 +271,11 @@ class MovingRobots(ABC):
         else:
             self.back_off(robot)
 
-    def go_around(self, robot: int, other: int) -> bool:
-        """Let a driving robot pass another one. False if it does so already, or if there is no room."""
+    def go_around(self, robot: int, other: int, side: Side | None = None) -> bool:
+        """Let a driving robot pass another one, on a side if it is named. False if it does so already, or if there is
+        no room."""
         can = self.doing[robot] == Activity.DRIVING and robot not in self.passings
-        begins = bool(can and self.passings.begin(self._traffic(), robot, other, self.t_s, WALKING_MPS))
+        begins = bool(can and self.passings.begin(self._traffic(), robot, other, self.t_s, WALKING_MPS, side))
         if begins:
             self.waits.restart(robot)
         return begins

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.protection import NOBODY, Traffic, centres
+from deconflict_client.verbs import Side
 from ingest.batch import Floats, Ints
 
 GAP_M = 0.33
@@ -81,12 +82,15 @@ class Passings:
     def __contains__(self, robot: int) -> bool:
         return robot in self._of
 
-    def begin(self, traffic: Traffic, robot: int, other: int, now_s: float, top_mps: float) -> bool:
-        """Start to pass another robot at no more than `top_mps`. Returns False if there is no room."""
+    def begin(
+        self, traffic: Traffic, robot: int, other: int, now_s: float, top_mps: float, side: Side | None = None
+    ) -> bool:
+        """Start to pass another robot at no more than `top_mps`, on a side if it is named. Returns False if there is no
+        room."""
         end_m = _straight_until_m(traffic, robot)
         beside = _beside(traffic, robot)
         room_m = self._room_m[robot] + self.more_room_m[robot]
-        aside_m = _room_aside_m(traffic, beside, robot, other, room_m, end_m)
+        aside_m = _room_aside_m(traffic, beside, robot, other, room_m, end_m, side)
         if aside_m is None:
             return False
         back_m = float(traffic.progress_m[robot]) + _past_m(traffic, beside, robot, other)
@@ -143,9 +147,15 @@ def _past_m(traffic: Traffic, beside: RelativePositions, robot: int, other: int)
 
 
 def _room_aside_m(
-    traffic: Traffic, beside: RelativePositions, robot: int, other: int, room_m: Floats, end_m: float
+    traffic: Traffic,
+    beside: RelativePositions,
+    robot: int,
+    other: int,
+    room_m: Floats,
+    end_m: float,
+    side: Side | None,
 ) -> float | None:
-    """The offset to the left at which a robot can pass another. None if it can't.
+    """The offset to the left at which a robot can pass another, on a side if it is named. None if it can't.
 
     A moving robot is passed only if it is oncoming.
     """
@@ -154,7 +164,8 @@ def _room_aside_m(
     if beside.ahead_m[other] <= 0 or (moves and beside.oncoming[other] > ONCOMING_COS):
         return None
     away_m = beside.across_m[other] + half_m + GAP_M
-    targets_m = sorted((beside.left_m[other] + away_m, beside.left_m[other] - away_m), key=abs)
+    on_side_m: dict[Side, float] = {"left": beside.left_m[other] + away_m, "right": beside.left_m[other] - away_m}
+    targets_m = [on_side_m[side]] if side else sorted(on_side_m.values(), key=abs)
     until_m = _past_m(traffic, beside, robot, other) + BEYOND_M
     for target_m in targets_m:
         back_m = BACK_STEEPNESS * abs(target_m)

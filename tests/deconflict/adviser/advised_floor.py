@@ -147,7 +147,7 @@ def obeys(robot: Robot, advice: RobotAdvice, since_s: float) -> None:
         robot.x_m, robot.y_m = robot.x_m - ASIDE_M * sin(robot.yaw_rad), robot.y_m + ASIDE_M * cos(robot.yaw_rad)
     elif advice.verb == "other_way" and since_s == 1.0:
         robot.yaw_rad += pi
-    elif advice.verb == "back_out" and advice.place:
+    elif advice.verb in {"back_out", "step_aside"} and advice.place:
         dx_m, dy_m = advice.place.x - robot.x_m, advice.place.y - robot.y_m
         share = min(BACK_M / max(hypot(dx_m, dy_m), BACK_M), 1.0) if since_s else 0.0
         robot.x_m, robot.y_m = robot.x_m + share * dx_m, robot.y_m + share * dy_m

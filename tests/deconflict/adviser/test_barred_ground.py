@@ -7,49 +7,13 @@ from typing import Any
 import pytest
 
 from deconflict.adviser import Adviser
-from deconflict.settings.site import Site
 from tests.deconflict.adviser.advised_floor import AdvisedFloor
 from tests.deconflict.adviser.floors import LOWER, UPPER, Floor, Point, Robot, face_to_face
+from tests.deconflict.adviser.site_ground import Section, area, box, landing, obstacle, resource, site_of, zone
 
-Section = dict[str, Any]
-DATUMS = [{"id": LOWER, "name": "Lower hall"}, {"id": UPPER, "name": "Upper hall"}]
 BACKS_OUT = [{"name": "Larch", "verbs": ["back_out"]}, {"name": "Rowan", "verbs": []}]
 LANE_X_M = -2.0
 """x of the lane from which a robot turned into the way of the other."""
-
-
-def box(west_m: float, south_m: float, east_m: float, north_m: float) -> list[Point]:
-    return [(west_m, south_m), (east_m, south_m), (east_m, north_m), (west_m, north_m)]
-
-
-def area(outline_m: list[Point], floor: str = LOWER, *, keep_clear: bool = True) -> Section:
-    return {"areas": [{"name": "Fire door", "keep_clear": keep_clear, "floor": floor, "outline_m": outline_m}]}
-
-
-def obstacle(outline_m: list[Point]) -> Section:
-    return {"obstacles": [{"kind": "machine", "floor": LOWER, "outline_m": outline_m}]}
-
-
-def resource(kind: str, outline_m: list[Point]) -> Section:
-    return {"resources": [{"id": "r", "kind": kind, "datum": LOWER, "polygon": outline_m}]}
-
-
-def landing(outline_m: list[Point]) -> Section:
-    lift = {"id": "r", "kind": "lift", "datum": UPPER, "polygon": box(90.0, 90.0, 92.0, 92.0)}
-    return {"resources": [lift | {"floors": [{"datum": LOWER, "polygon": outline_m}]}]}
-
-
-def zone(kind: str, outline_m: list[Point]) -> Section:
-    axis = {"axis": [outline_m[0], outline_m[2]]} if kind == "aisle" else {}
-    return {"zones": [{"id": "z", "kind": kind, "datum": LOWER, "polygon": outline_m, **axis}]}
-
-
-def site_of(*sections: Section, **keys: Any) -> Site:
-    joined: Section = {}
-    for section in sections:
-        for key, entries in section.items():
-            joined.setdefault(key, []).extend(entries)
-    return Site.model_validate({"datums": DATUMS, **joined, **keys})
 
 
 def backed_out_to_m(*sections: Section) -> Point | None:

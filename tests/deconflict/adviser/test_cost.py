@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from deconflict.adviser import Request
-from deconflict.adviser.tracks import Tracks
+from deconflict.adviser.ground.tracks import Tracks
 from tests.deconflict.adviser.floors import LOWER, Floor, Robot, face_to_face
 
 

@@ -22,6 +22,7 @@ from tests.deconflict.adviser.advised_floor import (
     Reply,
 )
 from tests.deconflict.adviser.floors import before_crossing, face_to_face
+from tests.deconflict.adviser.site_ground import REFUGE, site_of
 
 Floors = Callable[[Callable[[RobotAdvice], Reply]], AdvisedFloor]
 REPLIES = {
@@ -58,17 +59,23 @@ def crossing(reply: Callable[[RobotAdvice], Reply]) -> AdvisedFloor:
     return AdvisedFloor(list(before_crossing()), reply)
 
 
+def with_room(reply: Callable[[RobotAdvice], Reply]) -> AdvisedFloor:
+    """Beside two that face each other, of vendors that are known to be able to step aside."""
+    vendors = [{"name": name, "verbs": list(get_args(Verb))} for name in ("Larch", "Rowan")]
+    return AdvisedFloor(list(face_to_face()), reply, site_of(REFUGE, vendors=vendors))
+
+
 FLOORS: dict[str, tuple[Floors, tuple[str, ...]]] = {
     "go_around": (facing, ()),
     "other_way": (facing, ("go_around",)),
     "back_out": (at_corner, ("go_around",)),
+    "step_aside": (with_room, ("go_around",)),
     "go_first": (crossing, ()),
     "wait_before": (crossing, ()),
 }
 """By verb: where it is asked, and for which verbs there is no room."""
 PAIRED = {"wait_before": "go_first"}
 """What is asked beside it, first."""
-NOT_ASKED = {"step_aside"}
 
 DRILLS: dict[str, dict[str, list[str]]] = {
     "go_around": {
@@ -159,6 +166,36 @@ DRILLS: dict[str, dict[str, list[str]]] = {
             "13: l other_way for r until r passed, 33 at the latest; done at 17",
         ],
     },
+    "step_aside": {
+        "obeys": [
+            "0: l step_aside for r until r passed, 40 at the latest; done at 8",
+        ],
+        "cannot, busy": [
+            "0: l step_aside for r until r passed, 40 at the latest; declined at 1",
+            "1: r step_aside for l until l passed, 41 at the latest; done at 9",
+        ],
+        "no room": [
+            "0: l step_aside for r until r passed, 40 at the latest; declined at 1",
+            "1: r go_around for l until l passed, 21 at the latest; declined at 2",
+            "2: r step_aside for l until l passed, 42 at the latest; done at 10",
+        ],
+        "silent": [
+            "0: l step_aside for r until r passed, 40 at the latest; withdrawn at 2",
+            "2: r step_aside for l until l passed, 42 at the latest; done at 10",
+        ],
+        "accepts and stands": [
+            "0: l step_aside for r until r passed, 40 at the latest; withdrawn at 5",
+            "5: r step_aside for l until l passed, 45 at the latest; done at 13",
+        ],
+        "begins and stands": [
+            "0: l step_aside for r until r passed, 40 at the latest; withdrawn at 4",
+            "4: l step_aside for r until r passed, 44 at the latest; done at 12",
+        ],
+        "done where it stands": [
+            "0: l step_aside for r until r passed, 40 at the latest; done at 1",
+            "1: r step_aside for l until l passed, 41 at the latest; done at 9",
+        ],
+    },
     "go_first": {
         "obeys": [
             "0: e go_first for n, 20 at the latest; done at 3",
@@ -229,7 +266,7 @@ def drilled(verb: str, name: str) -> AdvisedFloor:
         if advice.verb == verb and not first and name != "obeys":
             first.append(advice.id)
             return REPLIES[name]
-        return OBEYS_AND_SAYS_SO if advice.verb == "back_out" else OBEYS
+        return OBEYS_AND_SAYS_SO if advice.verb in {"back_out", "step_aside"} else OBEYS
 
     return make(reply).run(60)
 
@@ -246,6 +283,4 @@ def test_what_is_asked_how_it_ends_and_what_is_asked_next(verb: str, name: str, 
 
 
 def test_each_verb_and_each_reply_has_a_drill() -> None:
-    assert {(verb, name) for verb, name, _ in EACH} == {
-        (verb, name) for verb in get_args(Verb) if verb not in NOT_ASKED for name in REPLIES
-    }
+    assert {(verb, name) for verb, name, _ in EACH} == {(verb, name) for verb in get_args(Verb) for name in REPLIES}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from deconflict.operator.vendor_health import vendor_health
+from deconflict.settings.shared_places import NamedArea
 from deconflict_client.advisory import Severity
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import HEARD, Served
@@ -282,3 +283,26 @@ async def test_the_page_says_what_vendors_should_mend_and_who_is_compared_with_n
         await page.click("#situations .chip")
         await page.wait_for_selector("#detail:not([hidden])")
         assert "not comparedits position names no map" in await text(page, "#detail")
+
+
+async def test_ground_to_keep_clear_is_hatched_and_in_the_legend(browser: "Browser", face: Served) -> None:
+    square = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+    areas = [NamedArea(name="Yard", floor=HALL, outline_m=square, keep_clear=is_kept) for is_kept in (False, True)]
+    script = """async (areas) => {
+        const { GroundLayer } = await import("/page/map/ground_layer.js");
+        const camera = { width: 900, height: 600, scale: 50, px: (x) => 100 + 50 * x, py: (y) => 400 - 50 * y };
+        const pen = document.createElement("canvas").getContext("2d");
+        Object.assign(pen.canvas, { width: 900, height: 600 });
+        new GroundLayer({ pen, camera, ink: { faint: "#ff0000" } }).keptClear({ areas });
+        const inked = (x, y) => pen.getImageData(x, y, 40, 40).data.some((value) => value > 0);
+        return [inked(150, 250), inked(310, 250), inked(150, 50), inked(150, 450)];
+    }"""
+    async with opened(browser, face) as page:
+        assert await page.locator("#keep-clear").is_hidden()
+        drawn = [{"polygon": square, "keep_clear": area.keep_clear} for area in areas]
+        assert await page.evaluate(script, drawn) == [True, False, False, False]
+        assert await page.evaluate(script, drawn[:1]) == [False] * 4
+    face.app.state.site = face.app.state.site.model_copy(update={"areas": tuple(areas)})
+    async with opened(browser, face) as page:
+        await until(page, "!document.getElementById('keep-clear').hidden")
+        assert (await page.locator("#keep-clear").inner_text()).strip() == "Keep clear: advice sends no robot there"

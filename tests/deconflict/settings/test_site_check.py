@@ -197,3 +197,15 @@ def test_of_four_points_in_a_rectangle_both_exchanges_that_explain_them_are_name
     readings["door"], readings["pillar"] = readings["pillar"], readings["door"]
     _, text = checked(example, tmp_path)
     assert "not mirrored, unless door and pillar are exchanged, or dock and gate are exchanged" in text
+
+
+def test_keys_that_wait_for_advice_in_a_cluster_are_noted(tmp_path: Path) -> None:
+    document = put(sound(), "vendors.0.verbs", ["go_around"])
+    hook = {"name": "fleet", "url": "http://127.0.0.1:9/", "secret": "env:X", "kinds": ["advice"]}
+    document = put(document, "webhooks", [hook])
+    assert "in a cluster" not in checked(document, tmp_path)[1]
+    code, text = checked(put(document, "cluster", {"nats": ["nats://127.0.0.1:4222"]}), tmp_path)
+    assert code == 0
+    assert "NOTE vendors[0].verbs: in a cluster nothing is asked of robots; `GET /advice` stays empty" in text
+    assert "NOTE webhooks[0].kinds: in a cluster there is no advice to send" in text
+    assert text.count("in a cluster") == 2

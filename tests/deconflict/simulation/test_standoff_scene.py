@@ -72,6 +72,7 @@ class AdvisedScene:
             robot=request.robot,
             verb=request.verb,
             other=request.other,
+            side=request.side,
             robots=tuple(sorted((request.robot, request.other or ""))),
             place=Location(datum=GROUND_ID, x=request.at[0], y=request.at[1]) if request.at else None,
             raised_at=moment(now_s),
@@ -104,6 +105,10 @@ def test_advice_that_ends_standoffs_saves_time_and_bodies_never_overlap() -> Non
     assert driven.difference > 0.0
     assert adviser.refused == scene.overlaps == 0
     assert scene.answers["accepted", ""] > 0
+    for vendor in scene.floor.turns.vendors:
+        of_vendor = scene.floor.turns.saved("stood_share_of", vendor)
+        assert of_vendor
+        assert of_vendor.difference < 0.0, f"{vendor} is better off"
     assert scene.answers["declined", OFF] > 0
 
 
@@ -142,5 +147,21 @@ def test_turns_are_on_and_off_as_ordered_and_are_named() -> None:
         seen.append(floor.turns.is_on)
     assert [turn.advice for turn in floor.turns.turns] == list(ORDER)
     assert "over 2 pairs of turns" in floor.sentence()
-    assert len(floor.report()) == len(ORDER) + 1
+    assert len(floor.report()) == len(ORDER) + len(floor.turns.vendors) + 1
     assert floor.result()["advice"]["driven_mps"]["pairs"] == 2
+
+
+def test_what_each_vendor_yielded_is_said() -> None:
+    """Who goes around yields, and who lets another go first. What was not done counts for nobody."""
+    floor = StandoffFloor(3, 1)
+    first, second, *_ = floor.turns.vendors
+    begun = {"vendor": first, "vendors": (first, second), "begun_at": START}
+    for number, verb, code, seconds in (
+        (1, "go_around", ClearedCode.DONE, 5.0),
+        (2, "go_first", ClearedCode.DONE, 3.0),
+        (3, "go_around", ClearedCode.WITHDRAWN, 9.0),
+    ):
+        asked = made_advice(number, verb=verb, **begun)
+        floor.pass_on(asked.cleared_revision(START.timestamp() + seconds, code), 0.0)
+    assert [floor.yielded_s[first], floor.yielded_s[second]] == [5.0, 3.0]
+    assert floor.result()["advice"]["yielded_s"][first] == 5.0

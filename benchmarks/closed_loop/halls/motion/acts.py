@@ -10,10 +10,11 @@ from benchmarks.closed_loop.halls.ground.roadmap import Roadmap
 from benchmarks.closed_loop.halls.motion.claims import BEFORE_M, Claims
 from benchmarks.closed_loop.halls.motion.driving import Ground
 from benchmarks.closed_loop.halls.motion.robots import TRAIL_NODES, Hold, Point, Robot, way_of
+from deconflict_client.verbs import Side
 from ingest.batch import Floats
 
-ASIDE_M = (0.7, 0.6, 0.8, -0.7, -0.6, -0.8)
-"""To the left, and to the right."""
+ASIDE_M = {"left": (0.7, 0.6, 0.8), "right": (-0.7, -0.6, -0.8)}
+"""To the left of its way."""
 BACK_M, LEAD_M = (0.0, 0.5, 1.0), (0.7, 0.3)
 REJOINS_M = 0.7
 LEAST_BACK_M = 0.4
@@ -29,7 +30,7 @@ class Acts:
     def __init__(self, roadmap: Roadmap, ground: Ground, claims: Claims) -> None:
         self._roadmap, self._ground, self._claims = roadmap, ground, claims
 
-    def go_around(self, robot: Robot, other: int) -> str:
+    def go_around(self, robot: Robot, other: int, side: Side | None = None) -> str:
         if abs(robot.off_rad()) > 0.05:
             return "turning"
         body = self._ground.bodies[other]
@@ -44,7 +45,8 @@ class Acts:
         rejoins_m = robot.gone_m + beyond_m + REJOINS_M
         if rejoins_m > robot.way.corner_m[robot.leg] + 1e-6:
             return "no room"
-        for back_m, lead_m, left_m in product(BACK_M, LEAD_M, ASIDE_M):
+        asides_m = ASIDE_M[side] if side else [aside_m for sides_m in ASIDE_M.values() for aside_m in sides_m]
+        for back_m, lead_m, left_m in product(BACK_M, LEAD_M, asides_m):
             points = [(-back_m, 0.0)] * (back_m > 0)
             points += [(lead_m - back_m, left_m), (beyond_m, left_m), (beyond_m + REJOINS_M, 0.0)]
             if points[-2][0] < points[-3][0]:

@@ -47,7 +47,7 @@ class Requests:
         return (acts.step_aside if request.verb == "step_aside" else acts.back_out)(robot, request.at, hold)
 
     def _go_around(self, robot: Robot, request: Request, others: Sequence[int]) -> str:
-        why = self._acts[robot.planner].go_around(robot, others[0]) if others else "past whom"
+        why = self._acts[robot.planner].go_around(robot, others[0], request.side) if others else "past whom"
         robot.detour_for = robot.detour_for if why else request.id
         return why
 

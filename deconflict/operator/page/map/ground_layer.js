@@ -6,6 +6,7 @@ import { countIn } from "./places.js";
 
 const SMALL_PX = 60; // a place that is smaller is covered by no label
 const AREA_NAME_AT = [[0, 0.5], [0, 0.8], [0, 0.2], [0.3, 0.5], [0.6, 0.5]]; // where the name of an area may stand, by length and breadth
+const HATCH_PX = 8;
 const EDGE_PX = 4; // of the numbers of the grid from the edge of the map
 
 export class GroundLayer {
@@ -18,6 +19,7 @@ export class GroundLayer {
     if (scene.plan) this.plan(scene.plan);
     this.grid();
     this.obstacles(scene);
+    this.keptClear(scene);
     this.places(scene);
     this.marks(scene);
     exits(this.map, scene);
@@ -79,6 +81,19 @@ export class GroundLayer {
       pen.fill();
       pen.strokeStyle = ink["place-line"];
       pen.stroke();
+    }
+  }
+
+  // Ground onto which no robot is sent.
+  keptClear(scene) {
+    const { pen, camera, ink } = this.map;
+    for (const { polygon } of scene.areas.filter((area) => area.keep_clear)) {
+      pen.save();
+      pen.beginPath();
+      polygon.forEach(([x, y]) => pen.lineTo(camera.px(x), camera.py(y)));
+      pen.closePath();
+      hatch(pen, edges(polygon, camera), camera, ink.faint);
+      pen.restore();
     }
   }
 
@@ -183,4 +198,25 @@ function nameBox(x, y, wide, high) { return { left: x - wide / 2, top: y - 0.85 
 function line(pen, x1, y1, x2, y2) {
   pen.moveTo(x1, y1);
   pen.lineTo(x2, y2);
+}
+
+// Outlines the path of the pen and fills it with slanted lines within a width and height: told from places without colours.
+export function hatch(pen, { left, right, top, bottom }, { width, height }, colour) {
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1;
+  pen.stroke();
+  pen.clip();
+  pen.beginPath();
+  const high = Math.min(bottom, height), low = Math.max(top, 0);
+  const first = Math.ceil((Math.max(left, 0) + low) / HATCH_PX) * HATCH_PX;
+  for (let sum = first; sum <= Math.min(right, width) + high; sum += HATCH_PX) line(pen, sum - high, high, sum - low, low);
+  pen.stroke();
+}
+
+// The sign of such ground in the legend.
+export function hatchSign(canvas, colour) {
+  const pen = canvas.getContext("2d"), { width, height } = canvas;
+  pen.reset();
+  pen.rect(1, 1, width - 2, height - 2);
+  hatch(pen, { left: 0, right: width, top: 0, bottom: height }, { width, height }, colour);
 }

@@ -9,6 +9,7 @@ from deconflict_client.advisory import AdvisoryState, AnyAdvisory
 from ingest.batch import FloorPoint
 from ingest.measures.measures import Measures
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
+from tests.helpers.made_advisories import ROBOTS, made_advice, situation
 
 
 class Places:
@@ -38,3 +39,15 @@ def test_advisories_are_published_although_situations_fail_and_these_begin_anew(
     _, made = published(NOW_S + 2)
     assert [state for _, state in made] == [raised, raised] == [AdvisoryState.RAISED] * 2
     assert before not in dict(made)
+
+
+def test_advice_has_the_id_of_the_newest_open_situation_of_both_robots() -> None:
+    publisher = SituationPublisher(Places().describe)
+    publisher.restore(
+        [situation(1), situation(2, robots=(ROBOTS[0], "x")), situation(3), situation(4, robots=("x", "y"))]
+    )
+    (with_other, alone, with_third) = publisher.stamped_advice(
+        [made_advice(1), made_advice(2, other=None), made_advice(3, other="z")]
+    )
+    assert (with_other.situation_id, alone.situation_id) == ("situation-3", "situation-3")
+    assert with_third.situation_id is None

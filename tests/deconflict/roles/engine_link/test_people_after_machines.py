@@ -12,9 +12,9 @@ from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.settings.site import Site
-from deconflict_client.advisory import Acknowledgement, ClearedCode, Severity, moment
+from deconflict_client.advisory import Acknowledgement, AdvisoryState, ClearedCode, Severity, moment
 from deconflict_client.advisory.robot_advice import RobotAdvice
-from deconflict_client.situations import Situation, situations_of
+from deconflict_client.situations import Situation, advice_of, situations_of
 from ingest.measures.measures import Measures
 from tests.deconflict.adviser.advised_floor import CANNOT, SILENT, UNBEGUN, AdvisedFloor, Reply, forward
 from tests.deconflict.adviser.floors import START_S, Robot, before_crossing, face_to_face
@@ -46,6 +46,13 @@ async def test_what_a_machine_accepts_people_are_not_asked_for(store: Store) -> 
     assert (first.situation_kind, first.severity, first.advice) == ("deadlock", Severity.CRITICAL, None)
     assert first.people_wait_for == "robots"
     assert floor.asking() == []
+
+
+async def test_what_is_asked_names_the_situation_once_people_are_told_of_it(store: Store) -> None:
+    floor = await told(store, face_to_face(), CANNOT).run(20)
+    asked = [each for each in advice_of(store.after(0, -1)) if each.state is AdvisoryState.RAISED]
+    named = [(each.raised_at.timestamp() - START_S > TOLD_S, each.situation_id) for each in asked]
+    assert set(named) == {(False, None), (True, floor.situations[0].id)}
 
 
 @pytest.mark.parametrize("silent", [(SILENT,), (CANNOT, SILENT), (SILENT, CANNOT), (UNBEGUN, SILENT)])

@@ -6,7 +6,8 @@ from math import hypot
 
 import numpy as np
 
-from deconflict.adviser.barred_ground import BarredGround
+from deconflict.adviser.ground.barred_ground import BarredGround
+from deconflict.adviser.ground.seen_ground import SeenGround, size_of
 from deconflict.adviser.ways import Boxes, Ways, bodies, touch
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Floats
@@ -24,23 +25,27 @@ LEAST_BACK_M = 0.5
 class Tracks:
     """The last metres that each robot drove."""
 
-    def __init__(self, ground: BarredGround) -> None:
-        self._ground = ground
+    def __init__(self, barred: BarredGround, seen: SeenGround) -> None:
+        self._barred, self._seen = barred, seen
         self._poses: dict[str, deque[tuple[float, float, float]]] = {}
         """By robot x, y and yaw, newest last."""
         self._floors: dict[str, int] = {}
         """By robot, the floor of these poses."""
 
-    def observe(self, robots: RobotTable, updated: Iterable[str]) -> None:
-        updated = set(updated)
+    def observe(self, robots: RobotTable, updated: Iterable[str]) -> list[int]:
+        """Returns the slots of those whose poses are kept."""
+        updated, kept = set(updated), []
         slots = [slot for slot, uuid in enumerate(robots.uuids) if uuid in updated]
         columns = (robots.records[name][slots].tolist() for name in POSE)
-        for uuid, floor, *pose in zip((robots.uuids[slot] for slot in slots), *columns, strict=True):
+        for slot, floor, *pose in zip(slots, *columns, strict=True):
+            uuid = robots.uuids[slot]
             if self._floors.get(uuid) != floor:
                 self._floors[uuid], self._poses[uuid] = floor, deque(maxlen=KEPT)
             poses = self._poses[uuid]
             if not poses or hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
                 poses.append(tuple(pose))
+                kept.append(slot)
+        return kept
 
     def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:
@@ -49,8 +54,8 @@ class Tracks:
 
     def refuge_m(self, robots: RobotTable, robot: str, passing: Ways, others: Boxes) -> tuple[float, float] | None:
         """The nearest place on a robot's own track where it is in nobody's way: neither on the ways of those that are
-        to pass, nor where bodies `others` (m,) are, nor on barred ground, which may lie before it. None if there is
-        none, or if another is on the track before it."""
+        to pass, nor where bodies `others` (m,) are, nor on barred ground, which may lie before it, nor where no body as
+        large was seen: its own was less loaded. None if there is none, or if another is on the track before it."""
         poses: Floats = np.array(self._poses.get(robot, ()))[::-1]
         if not len(poses):
             return None
@@ -60,17 +65,19 @@ class Tracks:
         places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
         is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
         ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
-        is_barred = self._ground.bars_standing(size.datum, poses, size.length_m, size.width_m)
-        is_free = ~touch(places, ways).any(axis=1) & ~is_barred
+        is_barred = self._barred.bars_standing(size.datum, poses, size.length_m, size.width_m)
+        body = Boxes(*poses.T, *(np.full(len(poses), each_m / 2) for each_m in (size.length_m, size.width_m)))
+        is_seen = self._seen.holds(size.datum, size_of(robots, robot), body)
+        is_free = ~touch(places, ways).any(axis=1) & ~is_barred & is_seen
         reachable = np.logical_and.accumulate(~is_blocked)
         away_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         found = np.flatnonzero(is_free & reachable & (away_m >= LEAST_BACK_M))
         return (float(poses[found[0], 0]), float(poses[found[0], 1])) if len(found) else None
 
 
-def other_bodies(robots: RobotTable, slot: int, other: int) -> Boxes:
-    """The bodies of all robots on the floor of a slot, but those of two slots."""
+def other_bodies(robots: RobotTable, slot: int, *but: int) -> Boxes:
+    """The bodies of all robots on the floor of a slot, without its own and those of the slots `but`."""
     records = robots.records
     there = records["known"] & (records["floor"] == records["floor"][slot])
-    there[[slot, other]] = False
+    there[[slot, *but]] = False
     return bodies(robots, np.flatnonzero(there))

@@ -1,14 +1,12 @@
 """Ground of the site file onto which no robot is sent."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import cos, sin
 
 import numpy as np
 import shapely
 
-from deconflict.adviser.ways import BESIDE_M, Boxes
+from deconflict.adviser.ways import Boxes
 from deconflict.contention.robots.lookahead import corners
-from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
 from ingest.batch import Bools, Floats
@@ -38,10 +36,10 @@ class BarredGround:
         halves_m = (np.full(len(poses), size_m / 2) for size_m in (length_m, width_m))
         return _touched(outlines_here, Boxes(x_m, y_m, yaw_rad, *halves_m))
 
-    def leaves_a_side(self, robots: RobotTable, robot: str, other: str, way_rad: float) -> bool:
-        """Whether a robot whose way leads to `way_rad` may drive past another on at least one side of it."""
-        outlines_here = self._not_to_drive_on.get(robots[robot].datum)
-        return outlines_here is None or not _touched(outlines_here, _sides(robots, robot, other, way_rad)).all()
+    def bars_driving(self, floor: str, boxes: Boxes) -> Bools:
+        """(n,) whether each of `boxes` (n,) touches ground onto which no robot is sent at all."""
+        outlines_here = self._not_to_drive_on.get(floor)
+        return np.zeros(len(boxes.x_m), np.bool_) if outlines_here is None else _touched(outlines_here, boxes)
 
 
 def _by_floor(floor_outlines: Iterable[tuple[str, Sequence[Point]]]) -> FloorOutlines:
@@ -57,15 +55,3 @@ def _touched(outlines_here: shapely.STRtree, boxes: Boxes) -> Bools:
     found = np.zeros(len(rectangles), np.bool_)
     found[outlines_here.query(rectangles, predicate="intersects")[0]] = True
     return found
-
-
-def _sides(robots: RobotTable, robot: str, other: str, way_rad: float) -> Boxes:
-    """(2,) the strips beside the body of `other`, left and right of a way, as wide as `robot` with its room."""
-    (x_m, y_m, yaw_rad), body = robots.reported_pose(other), robots[other]
-    along, across = abs(cos(yaw_rad - way_rad)), abs(sin(yaw_rad - way_rad))
-    half_along_m = (body.length_m * along + body.width_m * across) / 2
-    half_across_m = (body.length_m * across + body.width_m * along) / 2
-    half_strip_m = robots[robot].width_m / 2 + BESIDE_M
-    left_m = (half_across_m + half_strip_m) * np.array([1.0, -1.0])
-    alike = (np.full(2, value) for value in (way_rad, half_along_m, half_strip_m))
-    return Boxes(x_m - left_m * sin(way_rad), y_m + left_m * cos(way_rad), *alike)

@@ -1,0 +1,1 @@
+"""Where robots may be sent: places, and the ground that they need."""
