@@ -2,8 +2,9 @@
 
 Advice that is followed prevents the conflict. If the models learned from that, they would doubt the next conflict, and
 a vendor's forecasts would look wrong because its robots follow advice. A robot follows advice if it was on its way when
-it was advised to wait, and its reports since then show that it stands. What else it is asked, for one other robot
-(`deconflict/adviser/`), says nothing of its other pairs.
+it was advised to wait, and its reports since then show that it stands. Robots also stop by themselves, before what is
+in their way: one that came to stand with another body right ahead shows nothing. What else it is asked, for one other
+robot (`deconflict/adviser/`), says nothing of its other pairs.
 """
 
 from collections.abc import Iterable
@@ -11,7 +12,9 @@ from collections.abc import Iterable
 import numba
 import numpy as np
 
+from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.pair_table import has_robot_of, slots_of
+from deconflict.sweep.geometry.envelope_distances import gap
 from deconflict.sweep.robot_slots import lengthen
 from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Bools, Floats, Ints
@@ -22,6 +25,8 @@ _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
+STOPS_M = 1.1
+"""A robot stops by itself before a body that is as near ahead."""
 KEPT_S = 600.0
 """A pair is known to have followed advice for so long: losses are reported when they end, or last 60 s."""
 
@@ -71,6 +76,18 @@ def _own_until_s(newest: Floats, since_s: Floats, last_s: Floats, asked_s: float
     return until_s
 
 
+def _is_stopped(slot: int, newest: Floats, half_m: Floats) -> bool:
+    """Whether a robot has another body within `STOPS_M` ahead. The arrays are those of `record_waits`."""
+    at_s, x_m, y_m, yaw_rad, floor = newest[slot]
+    others = np.flatnonzero((newest[:, 4] == floor) & (newest[:, 0] >= at_s - JOINED_S))
+    others = others[others != slot]
+    dx_m = newest[others, 1] - x_m - STOPS_M / 2 * np.cos(yaw_rad)
+    dy_m = newest[others, 2] - y_m - STOPS_M / 2 * np.sin(yaw_rad)
+    longer_m = np.tile(half_m[:, [slot]] + np.array([[STOPS_M / 2], [0.0]]), len(others))
+    own_rad = np.full(len(others), yaw_rad)
+    return bool((gap(dx_m, dy_m, own_rad, newest[others, 3], longer_m, half_m[:, others]) == 0.0).any())
+
+
 class AdviceFollowers:
     """By slot: until when a robot is advised to wait, and from when until when its reports show that it does.
 
@@ -80,7 +97,7 @@ class AdviceFollowers:
     def __init__(self) -> None:
         self._advised_until_s = np.zeros(0)
         self._was_moving = np.zeros(0, np.bool_)
-        """Whether the robot was on its way when it was first advised."""
+        """Whether the robot was on its way when it was first advised, and no other body has stopped it since."""
         self._since_s = np.zeros(0)
         """When the last wait began."""
         self._last_s = np.zeros(0)
@@ -116,11 +133,17 @@ class AdviceFollowers:
         since_s, last_s = self._of_pair.get(code, (now_s, now_s))
         self._of_pair[code] = (since_s if now_s - last_s <= ONE_WAIT_S else now_s), now_s
 
-    def record_waits(self, slots: Ints, event_s: Floats, stand: Bools) -> Ints:
-        """Take in reports of robots `slots` (n,); `stand` (n,) marks those that stand. Returns the slots of those that
-        wait as advised."""
+    def record_waits(self, slots: Ints, stand: Bools, newest: Floats, half_m: Floats) -> Ints:
+        """Take in reports of robots `slots` (n,); `stand` (n,) marks those that stand. `newest` (slots, 5) are the
+        newest reports of all robots, and `half_m` (2, slots) their half sides. Returns the slots of those that wait as
+        advised."""
         if not self._is_any_advised:
             return NOBODY
+        event_s = newest[slots, 0]
+        begins = stand & self._was_moving[slots] & (event_s <= self._advised_until_s[slots])
+        begins &= event_s - self._last_s[slots] > ONE_WAIT_S
+        for slot in slots[begins].tolist():
+            self._was_moving[slot] = not _is_stopped(slot, newest, half_m)
         columns = (self._advised_until_s, self._was_moving, self._since_s, self._last_s)
         return _record_waits(*columns, slots, event_s, stand, ONE_WAIT_S)
 

@@ -152,7 +152,7 @@ class ProbabilityEstimator:
         slots, robots = reports.slot, self._robots.records
         before, before_s = robots[slots], self._pending.newest[slots, 0]
         errors, stand = self._pending.add_reports(robots, self._robots.half_m, reports, self.ledger.bands_m)
-        followers = self._followers.record_waits(slots, reports.event_s, stand)
+        followers = self._followers.record_waits(slots, stand, self._pending.newest, self._robots.half_m)
         if len(followers):
             self._pending.drop_forecasts(followers)
             errors = errors[~np.isin(errors["robot"], followers)]

@@ -70,9 +70,12 @@ def new_followers() -> AdviceFollowers:
     return followers
 
 
-def record_waits(followers: AdviceFollowers, at_s: float, *stand: bool) -> list[int]:
+def record_waits(followers: AdviceFollowers, at_s: float, *stand: bool, apart_m: float = 20.0) -> list[int]:
+    """Robots of 1 x 0.6 m that head east, each so far east of the one before."""
     slots = np.arange(len(stand))
-    return list(followers.record_waits(slots, np.full(len(stand), at_s), np.array(stand)))
+    newest = np.array([(at_s, apart_m * slot, 0.0, 0.0, 0.0) for slot in slots])
+    half_m = np.repeat([[0.5], [0.3]], len(stand), axis=1)
+    return list(followers.record_waits(slots, np.array(stand), newest, half_m))
 
 
 def test_a_robot_follows_advice_if_it_was_moving_before_and_stands_now() -> None:
@@ -85,6 +88,22 @@ def test_a_robot_follows_advice_if_it_was_moving_before_and_stands_now() -> None
     assert record_waits(followers, 21.0, True, True, True) == []
     followers.forget(np.array([0]))
     assert followers.waiting(0.0).tolist() == []
+
+
+@pytest.mark.parametrize(("apart_m", "waits"), [(2.0, [1]), (2.2, [0, 1]), (-2.0, [0])])
+def test_a_robot_that_comes_to_stand_before_another_body_stops_by_itself(apart_m: float, waits: list[int]) -> None:
+    followers = new_followers()
+    for slot in range(2):
+        followers.note_advice(slot, 10.0, 20.0, stands=False)
+    assert record_waits(followers, 12.0, True, True, apart_m=apart_m) == waits
+    assert record_waits(followers, 13.0, True, True) == waits, "it stood already when the way was free again"
+
+
+def test_a_robot_that_waits_as_advised_goes_on_with_that_while_others_pass_right_before_it() -> None:
+    followers = new_followers()
+    followers.note_advice(0, 10.0, 20.0, stands=False)
+    assert record_waits(followers, 12.0, True, False) == [0]
+    assert record_waits(followers, 13.0, True, False, apart_m=1.5) == [0]
 
 
 def test_unadvised_time_ends_when_a_robot_begins_to_wait_as_advised() -> None:
