@@ -26,7 +26,7 @@ from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode, 
 from deconflict_client.situations import AnyRevision, Situation, SituationAdvice
 from ingest.batch import FloorPoint
 
-LINGERS_S, OVER_S = 8.0, 5.0
+LINGERS_S, OVER_S = 15.0, 5.0
 """A situation is cleared once it has not been worth a reaction for so long; the second, if none of its advisories is
 left. So it is open for at least as long, and a person can read it."""
 UPDATE_GAP_S, JOINED_GAP_S = 4.0, 0.5
