@@ -22,6 +22,8 @@ from ingest.settings import (
     Vendor,
 )
 
+ClockTime = Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d$")]
+"""Such as "06:00"."""
 Role = Literal["read", "answer", "acknowledge", "administer"]
 
 
@@ -163,6 +165,8 @@ class Site(Section):
 
     name: str = "site"
     """Name of the site for people."""
+    shifts_begin: Annotated[tuple[ClockTime, ...], Field(min_length=1)] = ("06:00", "14:00", "22:00")
+    """Local times at which shifts begin: what is said of the worst places stands for a shift."""
     datums: tuple[Datum, ...] = ()
     """Floors that several vendors share."""
     vendors: tuple[Vendor, ...] = ()

@@ -5,24 +5,18 @@ fewer than five, and a change replaces another one only if it saves more beyond 
 """
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import datetime, time, timedelta
 from threading import Lock
 
 from deconflict.operator.suggestions.worst_places import MOST_PLACES, SQUARE_M
 from deconflict_client.answers.suggestion_models import WorstPlace
 
-SHIFTS_BEGIN_H = (6, 14, 22)
-"""Local time."""
 
-
-def shift_begin(now: datetime) -> datetime:
-    """When the shift of a local time began."""
-    begins = [
-        (now - timedelta(days=days)).replace(hour=hour, minute=0, second=0, microsecond=0)
-        for days in (1, 0)
-        for hour in SHIFTS_BEGIN_H
-    ]
-    return max(begin for begin in begins if begin <= now)
+def shift_begin(now: datetime, begins: Sequence[str]) -> datetime:
+    """When the shift of a local time began. `begins` are the times of day at which shifts begin, such as "06:00"."""
+    days = (now - timedelta(days=1), now)
+    begun = [datetime.combine(day, time.fromisoformat(clock), now.tzinfo) for day in days for clock in begins]
+    return max(begin for begin in begun if begin <= now)
 
 
 def standing(kept: Sequence[WorstPlace], found: Sequence[WorstPlace]) -> list[WorstPlace]:

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import datetime, timedelta
 from typing import Annotated, Any
 
@@ -45,15 +45,17 @@ def add_suggestion_routes(app: FastAPI, ask: Ask, measures: Measured, site: Call
         forecasts, places = _forecasts(await measures()), SuggestedPlaces.of(site())
         found = await asyncio.to_thread(_found, answers, forecasts, places)
         if from_s is None and until_s is None:
-            found.places = await _standing(ask, stands, places, end_s)
+            found.places = await _standing(ask, stands, places, site().shifts_begin, end_s)
         return found
 
 
-async def _standing(ask: Ask, stands: StandingPlaces, places: SuggestedPlaces, now_s: float) -> list[WorstPlace]:
+async def _standing(
+    ask: Ask, stands: StandingPlaces, places: SuggestedPlaces, begins: Sequence[str], now_s: float
+) -> list[WorstPlace]:
     """The worst places of the shift before, and what this shift adds."""
-    begin = shift_begin(datetime.fromtimestamp(now_s).astimezone())
+    begin = shift_begin(datetime.fromtimestamp(now_s).astimezone(), begins)
     shift_s = begin.timestamp()
-    before_s = shift_begin(begin - timedelta(seconds=1)).timestamp()
+    before_s = shift_begin(begin - timedelta(seconds=1), begins).timestamp()
     found = []
     for from_s, until_s, since_s in ((before_s, shift_s, shift_s), (shift_s, now_s, now_s)):
         answers = [await ask(question) for question in evidence_questions(from_s, until_s)]

@@ -40,6 +40,8 @@ SAVES: dict[ChangeKind, tuple[float, float]] = {
 }
 """Shares of what is lost. A lane that can't be simulated is not said to be better wider."""
 NOTHING_PAYS = "nothing found that pays"
+TOO_LITTLE = "Too little is lost for an expectation of what would help."
+UNKNOWN = "No change of the floor is known that would help."
 
 
 class LossSpot(NamedTuple):
@@ -135,14 +137,19 @@ def _told(found: WorstPlace) -> WorstPlace:
     """The place with its sentences."""
     name = found.place or f"Around {found.x_m:.0f}, {found.y_m:.0f} m"
     why = SENTENCES[found.cause].format(turned=" and ".join(found.turned))
-    sentences = [f"{name}: robots lose {rate(found.evidence)}, because {why}."]
-    if found.tried:
-        sentences.append(f"Tried: {'; '.join(map(_tried, found.tried))}.")
-    if found.best and found.best.saving:
-        sentences.append(f"Best: {found.best.change}, which would save {saved(found.best.saving)}.")
-    else:
-        sentences.append(f"{NOTHING_PAYS.capitalize()}.")
+    tried = f"Tried: {'; '.join(map(_tried, found.tried))}." if found.tried else "Nothing was tried yet."
+    sentences = f"{name}: robots lose {rate(found.evidence)}, because {why}.", tried, _best(found)
     return found.model_copy(update={"text": " ".join(sentences)})
+
+
+def _best(found: WorstPlace) -> str:
+    """The sentence on what is best, or expected to be, or why there is nothing."""
+    if found.best and found.best.saving:
+        how = "Best" if found.tried else "Expected to help"
+        return f"{how}: {found.best.change}, which would save {saved(found.best.saving)}."
+    if found.tried:
+        return f"{NOTHING_PAYS.capitalize()}."
+    return TOO_LITTLE if CHANGES[found.cause] and found.place else UNKNOWN
 
 
 def _tried(change: TriedChange) -> str:

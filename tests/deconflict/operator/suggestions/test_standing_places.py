@@ -20,11 +20,10 @@ def place(name: str, low_s: float, high_s: float, since_s: float) -> WorstPlace:
     return found.model_copy(update={"place": name, "best": best})
 
 
-@pytest.mark.parametrize(("hour", "begin"), [(5, 22), (6, 6), (13, 6), (14, 14), (23, 22)])
-def test_shifts_begin_at_six_fourteen_and_twenty_two(hour: int, begin: int) -> None:
-    assert shift_begin(datetime(2026, 3, 4, hour, 30, tzinfo=UTC)) == datetime(
-        2026, 3, 4 - (hour < 6), begin, tzinfo=UTC
-    )
+@pytest.mark.parametrize(("clock", "begin"), [("05:29", 21), ("05:30", 5), ("13:00", 5), ("21:30", 21)])
+def test_a_shift_begins_at_a_time_of_the_site_file_maybe_on_the_day_before(clock: str, begin: int) -> None:
+    now, day = datetime.fromisoformat(f"2026-03-04T{clock}:00+00:00"), 3 if clock == "05:29" else 4
+    assert shift_begin(now, ("05:30", "21:30")).replace(minute=0) == datetime(2026, 3, day, begin, tzinfo=UTC)
 
 
 @pytest.mark.parametrize(("low_s", "since_s"), [(290.0, 1.0), (310.0, 2.0)])

@@ -58,7 +58,7 @@ async def test_without_losses_the_answer_says_why_there_is_nothing() -> None:
 
 
 async def test_the_worst_places_are_those_of_the_shift_before_and_stand() -> None:
-    begin_s = shift_begin(datetime.now().astimezone()).timestamp()
+    begin_s = shift_begin(datetime.now().astimezone(), SITE.shifts_begin).timestamp()
     ledger = LossLedger(None, LossSettings())
     early = [entry._replace(from_s=entry.from_s - START_S + begin_s - 6 * 3600) for entry in every_hour(MEETING)]
     ledger.add("engine", 1, early)

@@ -97,12 +97,21 @@ def test_where_nothing_pays_it_says_so() -> None:
     facts = made(MEETING)
     [found] = worst_places(facts, PLACES, 0.0)
     first, second, _ = changes_of(found, facts, PLACES)
+    assert "Nothing was tried yet. Expected to help: Lane one-way, which would save" in found.text
     tried = with_tried(found, [saves(first, -600.0, -60.0), second.model_copy(update={"note": "it is too wide"})])
     assert tried.best is None
     assert "one-way: loses time (-600 to -60 s an hour); Lane wider: not simulated, since it is too wide." in tried.text
     assert tried.text.endswith("Nothing found that pays.")
     unknown = with_tried(found, [second.model_copy(update={"note": "it is too wide"})])
     assert unknown.best == found.best
+
+
+def test_what_was_not_tried_is_not_said_to_pay_nothing() -> None:
+    [little] = worst_places(evidence([MEETING._replace(lost_s=20.0)] * 6), PLACES, 0.0)
+    assert little.best is None
+    assert little.text.endswith("Nothing was tried yet. Too little is lost for an expectation of what would help.")
+    [blocked] = worst(loss("blockage", "", 61.0, 30.0))
+    assert blocked.text.endswith("Nothing was tried yet. No change of the floor is known that would help.")
 
 
 def test_at_a_crossing_the_vendor_that_loses_most_may_go_first() -> None:
