@@ -414,7 +414,7 @@ const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" :
 darkness.onchange = () => { setTheme(preferredTheme()); list(); };
 setTheme(preferredTheme());
 new Costs(floorName, (datum, x, y) => { lookAt(datum, [[x, y]]); list(); });
-new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum));
+new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum), () => counted([...live.robots.values()]));
 begin();
 setInterval(readHeat, HEAT_MS);
 readExits();

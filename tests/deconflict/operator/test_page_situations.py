@@ -375,6 +375,7 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         await until(page, "document.getElementById('shift-body').textContent.includes(': 2 situations, ')")
         body = await text(page, "#shift-body")
         assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
+        assert f"Heard now: {ROBOTS} robots." in body
         assert "They have passed" in body
         answered = await text(page, "#shift-body section:last-child tbody tr")
         assert "Kim" in answered
