@@ -10,7 +10,8 @@ export const KINDS = {
 // What a situation is, in the fewest words.
 export function title({ situation_kind: kind, participants = [] }) {
   const others = new Set(participants.filter((each) => each !== "person")), isMixed = others.size > 0 && participants.includes("person");
-  if (kind !== "meeting" || !isMixed) return KINDS[kind];
+  if (kind !== "meeting" || !(isMixed || others.has("driven"))) return KINDS[kind];
+  if (!isMixed) return others.has("robot") ? "A robot meets a vehicle" : "Two vehicles meet";
   return others.has("robot") ? "A robot meets a person" : "A vehicle meets a person";
 }
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };

@@ -6,6 +6,7 @@ import pytest
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES
 from deconflict.engine.engine import Engine
+from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
@@ -14,7 +15,7 @@ from deconflict_client.participant_kinds import ParticipantKind
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
-from ingest.settings import Vendor
+from ingest.settings import Model, Vendor
 from tests.deconflict.advice.made_near import until_advised
 from tests.deconflict.contention.scenes import Scene, Script, aisle, raised, resource, site
 from tests.deconflict.engine.made_engine import LINE, NOW_S, SITE, Floor, eastward, northward
@@ -75,6 +76,17 @@ def test_a_reload_that_makes_people_of_two_robots_ends_their_warning_and_back_be
     reload(of_one_vendor(A="person"))
     again = floor.run(10.0, 8.0)[-1]
     assert again.participants[again.robots.index(robot("A"))] == "person"
+
+
+def test_who_turns_out_to_be_a_robot_by_its_model_is_one_from_then_on() -> None:
+    truck = Vendor(name="Alder", participant="person", robots=(robot("A"),), models={"A1": Model(participant="robot")})
+    fleet, live = fleet_of(SITE.model_copy(update={"vendors": (truck,)}), Measures()), LiveRobots()
+    fleet.receive(status("A", NOW_S), NOW_S, LINE)
+    live.update(fleet.next_batch(NOW_S))
+    assert live.on_foot == {robot("A")}
+    fleet.receive(identity("A", NOW_S + 1), NOW_S + 1, LINE)
+    live.update(fleet.next_batch(NOW_S + 1))
+    assert not live.on_foot
 
 
 def test_who_is_small_and_slow_and_says_no_path_is_no_person_and_keeps_all_warnings() -> None:
