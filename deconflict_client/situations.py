@@ -6,9 +6,18 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Generic, Literal, TypeGuard, TypeVar
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, computed_field
 
-from deconflict_client.advisory import ADVISORY_KINDS, Action, Advisory, AnyAdvisory, Published, Robot, SituationKind
+from deconflict_client.advisory import (
+    ADVISORY_KINDS,
+    Action,
+    Advisory,
+    AnyAdvisory,
+    Published,
+    Robot,
+    Severity,
+    SituationKind,
+)
 from deconflict_client.advisory.robot_advice import RobotAdvice
 
 BAD_AFTER = 4400
@@ -22,6 +31,8 @@ STORE_FAILED = 1011
 
 PeopleWaitFor = Literal["robots", "other_advice"]
 """What people wait for before they are asked."""
+FAR_S, COST_STEP_S = 90.0, 15.0
+"""What begins later is far ahead. Costs are compared in steps, so that situations do not change places for a second."""
 MOST_ACTIONS, MOST_ADVISORIES, MOST_CORNERS, MOST_ROBOTS = 3, 40, 32, 20
 
 
@@ -88,6 +99,24 @@ class Situation(Advisory):
         default=None, description="of earlier releases: id of the situation that it became part of"
     )
 
+    @property
+    def is_far(self) -> bool:
+        """Whether it begins long after this revision."""
+        return (self.predicted_at - self.updated_at).total_seconds() > FAR_S
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="its place among situations: of two, the one with lesser numbers, from the first on, comes first"
+    )
+    @property
+    def order(self) -> tuple[int, ...]:
+        """What is over last; the most severe first; of these what is between a person on foot and a vehicle; what is
+        far ahead after the rest; then what can still be prevented; then what costs most; then what begins first."""
+        severity = (Severity.CRITICAL, Severity.WARNING, Severity.CAUTION).index(self.severity)
+        on_foot = [kind == "person" for kind in self.participants]
+        is_mixed, is_lost = any(on_foot) and not all(on_foot), self.preventable_s is None
+        ranks = not self.advisories, severity, not is_mixed, self.is_far, is_lost
+        return (*map(int, ranks), -round(self.cost_s / COST_STEP_S), round(self.predicted_at.timestamp()))
+
 
 AnyRevision = Annotated[AnyAdvisory | Situation | RobotAdvice, Field(discriminator="kind")]
 """What is stored and streamed: a revision of an advisory of any kind, of a situation, or of advice."""
@@ -109,6 +138,11 @@ class Listing(Generic[Revision]):
     """The newest revision of each, newest first."""
     more: bool
     """Whether the limit left some out."""
+
+
+def most_urgent_first(situations: Iterable[Situation]) -> list[Situation]:
+    """Situations in their order, as the API lists those that are open and the page shows them."""
+    return sorted(situations, key=lambda situation: (situation.order, situation.id))
 
 
 def chosen_kinds(choices: Iterable[str]) -> frozenset[str]:

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.shapes import Shape, Shapes, joined_shapes, shapes_of_json
 
 Floats = NDArray[np.float64]
@@ -242,6 +243,8 @@ class Batch:
     """UUIDs of robots that were forgotten."""
     claims: tuple[Claim, ...] = ()
     """The claims that stand at the tick."""
+    participants: tuple[ParticipantKind, ...] = ()
+    """(n,) what each stands for. If not given, robots."""
     sources: tuple[str, ...] = ()
     """(n,) who reports each robot, as `ingest.port.connection` says it. If not given, the vendors."""
     examined: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
@@ -251,7 +254,8 @@ class Batch:
 
     def __post_init__(self) -> None:
         n = len(self.robots)
-        missing = {"sources": self.vendors, "examined": np.ones(n, np.bool_), "came_s": np.full(n, self.now_s)}
+        texts, times_s = {"sources": self.vendors, "participants": ("robot",) * n}, np.full(n, self.now_s)
+        missing = texts | {"examined": np.ones(n, np.bool_), "came_s": times_s}
         for name, values in missing.items() if n else ():
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, values)
@@ -333,18 +337,8 @@ def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
     return tuple(texts)
 
 
-_ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states", "sources")
+_ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states", "participants", "sources")
 _HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
-_ARRAYS = (
-    "statuses",
-    "first_arrival_s",
-    "arrival_s",
-    "event_s",
-    "basis",
-    "doubt_m",
-    "reports_within_s",
-    "came_s",
-    "examined",
-    "amounts",
-)
+_NUMBERS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "came_s")
+_ARRAYS = (*_NUMBERS, "examined", "amounts")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -198,6 +198,8 @@ class Model(PartOutline):
     """Centre of `loaded_envelope_m`. If absent, `offset_m`."""
     priority: Priority | None = None
     """Weight of a second of waiting in advice. If absent, that of the vendor."""
+    participant: ParticipantKind | None = None
+    """What moves. If absent, that of the vendor."""
 
     @model_validator(mode="after")
     def _check_model(self) -> Self:
@@ -217,6 +219,8 @@ class Vendor(Section):
     """Further values of `manufacturerName` that mean this vendor. Case is ignored."""
     participant: ParticipantKind = "robot"
     """What moves: robots, people on foot who carry a device, or vehicles with a driver."""
+    participants: dict[ParticipantKind, tuple[str, ...]] = {}
+    """By what moves, UUIDs of its devices, or how these begin, with a `*` at the end. They come before models."""
     priority: Priority | None = None
     """Weight of a second of waiting in advice. If absent, 1 for robots and 10 for people."""
     default_envelope_m: Envelope | None = None

@@ -15,7 +15,7 @@ from deconflict.advice.deferred_answers import Answer, PendingAnswer
 from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
-from deconflict.settings.site import DEFAULT
+from deconflict.settings.site import DEFAULT, Site
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
@@ -88,10 +88,11 @@ def drive(
     seconds: float,
     passes_a_second: int = 5,
     learned: Mapping[str, Part] | None = None,
+    site: Site = SITE,
 ) -> Drive:
     """Feed messages as they arrive, and make a pass at every tick. `learned` is what the engine knows before."""
     found, sweeps = Drive(), list[PairConflicts]()
-    fleet, engine = fast_fleet_of(SITE, Measures()), Engine(SITE, submit=_without_advice, learned=learned)
+    fleet, engine = fast_fleet_of(site, Measures()), Engine(site, submit=_without_advice, learned=learned)
     connections = [_connection(number, robot) for number, robot in enumerate(robots)]
     message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
     unexamined: dict[str, bool] = {}

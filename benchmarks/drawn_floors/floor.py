@@ -86,15 +86,15 @@ def _honest(rng: Generator, robots: int, seconds: float, floor: str) -> tuple[Ro
         maker = HONEST[number % len(HONEST)]
         length_m, width_m = rng.uniform(0.6, 1.4), rng.uniform(0.5, 1.0)
         robot = Robot(
-            f"honest {floor} {number}", maker, _address(maker), _tour(rng, side_m, seconds), length_m, width_m, 0.0
+            f"honest {floor} {number}", maker, _address(maker), tour(rng, side_m, seconds), length_m, width_m, 0.0
         )
         found.append(replace(robot, phase_s=round(float(rng.uniform(0, 1)), 3), is_honest=True))
     return tuple(found)
 
 
-def _tour(rng: Generator, side_m: float, seconds: float) -> Way:
+def tour(rng: Generator, side_m: float, seconds: float, speeds_mps: tuple[float, float] = (0.5, 1.5)) -> Way:
     """From point to point, with a rest now and then; one robot in six stands."""
-    point_m, speed_mps = rng.uniform(0, side_m, 2), rng.uniform(0.5, 1.5)
+    point_m, speed_mps = rng.uniform(0, side_m, 2), rng.uniform(*speeds_mps)
     if rng.random() < 1 / 6:
         return Way.standing(float(point_m[0]), float(point_m[1]), float(rng.uniform(-np.pi, np.pi)))
     times_s, points_m = [0.0], [point_m]

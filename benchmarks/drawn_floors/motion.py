@@ -17,8 +17,8 @@ START_S = 1_790_000_000
 HALL = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 PATH_S = 10
 """Points of a path, one a second."""
-Says = Literal["path", "straight", "nothing"]
-"""What a moving robot says of its way: where it will be, that it goes straight on, or nothing."""
+Says = Literal["path", "straight", "speed", "nothing"]
+"""What a moving robot says of its way: where it will be, that it goes straight on, that it moves, or nothing."""
 Span = tuple[float, float]
 
 _STATUS = (
@@ -148,7 +148,9 @@ def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterat
     rows = zip(reports_s.tolist(), *(column.tolist() for column in poses), strict=True)
     for t_s, x_m, y_m, yaw_rad, speeds in rows:
         path, state = "", "idle"
-        if (robot.says != "nothing") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
+        if robot.says == "speed" and speeds[0] > 0:
+            state = "navigating"
+        elif robot.says in ("path", "straight") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
             points = (
                 _POINT % (_stamp(start_s + t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
                 for k in range(1, PATH_S + 1)

@@ -100,7 +100,7 @@ def recorded_hall(robots: int, seed: int, seconds: float) -> RecordedFloor:
             fleet.receive(raw, arrival_s, connection)
         reader.add(fleet.next_batch(floor.now_s, is_first))
         is_first = False
-    return reader.floor([VendorName.WALKERS])
+    return reader.floor()
 
 
 def mean_change(before: Sequence[FloorFigures], after: Sequence[FloorFigures], figure: str) -> float:

@@ -22,4 +22,4 @@ def heard(lines: Iterable[Line]) -> RecordedFloor:
             reader.add(fleet.next_batch(next_s, is_first))
             next_s, is_first = next_s + TICK_S, False
         fleet.receive(line.message.encode(), line.received_s, connection)
-    return reader.floor(())
+    return reader.floor()

@@ -16,13 +16,12 @@ class Priorities:
     def __init__(self, vendors: Iterable[Vendor]) -> None:
         self._vendors = {vendor.name: vendor for vendor in vendors}
 
-    def of(self, vendor: str, model: str) -> float:
-        """The model's priority, or else the vendor's, or else the usual one."""
+    def of(self, vendor: str, model: str, *, on_foot: bool = False) -> float:
+        """The model's priority, or else the vendor's, or else the usual one; that of people if it is `on_foot`."""
         settings = self._vendors.get(vendor)
+        usual = OF_PEOPLE if on_foot else USUAL
         if settings is None:
-            return USUAL
+            return usual
         of_model = settings.models[model].priority if model in settings.models else None
         priority = settings.priority if of_model is None else of_model
-        if priority is not None:
-            return priority
-        return OF_PEOPLE if settings.participant == "person" else USUAL
+        return usual if priority is None else priority

@@ -75,7 +75,7 @@ class Adviser:
         measures = Measures()
         self._fleet = fleet_of(self._settings, measures)
         geometry = PlaceGeometry(self._settings.resources, self._settings.zones)
-        self._robots = RobotTable(geometry, self._settings.people)
+        self._robots = RobotTable(geometry)
         self._advice = StandoffAdvice(self._settings, measures, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:

@@ -40,6 +40,7 @@ from deconflict_client.advisory import (
     Wait,
     moment,
 )
+from deconflict_client.participant_kinds import ParticipantKind
 from deconflict_client.situations import MOST_ROBOTS
 
 LOOKS, LOOKS_NEEDED = 3, 2
@@ -58,8 +59,18 @@ MOST_OF = {"cycle": MOST_WAITS, "holds_up": MOST_ROBOTS - 1, "resources": MOST_P
 
 FindingAdvisory = ContentionAdvisory | DeadlockAdvisory | BlockageAdvisory | ClaimAdvisory | CrowdAdvisory
 """Every kind of advisory but conflicts."""
-NameVendor = Callable[[str], tuple[str, str]]
-"""The name and the vendor of a robot that is known, by its UUID."""
+
+
+class NamedRobot(NamedTuple):
+    """What a finding says of one of its robots."""
+
+    name: str
+    vendor: str
+    participant: ParticipantKind = "robot"
+
+
+Name = Callable[[str], NamedRobot]
+"""What is said of a robot that is known, by its UUID."""
 
 MODELS: dict[str, type[FindingAdvisory]] = {
     "contention": ContentionAdvisory,
@@ -138,7 +149,7 @@ class FindingLifecycle:
         watched.advisory = None if revision.state is AdvisoryState.CLEARED else revision
         watched.found_s = max(watched.found_s, revision.updated_at.timestamp())
 
-    def revise(self, now_s: float, findings: Iterable[Finding], name_vendor: NameVendor) -> list[FindingAdvisory]:
+    def revise(self, now_s: float, findings: Iterable[Finding], named: Name) -> list[FindingAdvisory]:
         """The revisions of one look, ordered by key."""
         if self._is_first_look:
             self._is_first_look = False
@@ -149,7 +160,7 @@ class FindingLifecycle:
         for key in sorted(found.keys() | self._watched.keys()):
             watched = self._watched.setdefault(key, _WatchedFinding())
             watched.looks.append(key in found)
-            revision = self._revision(watched, found.get(key), now_s, name_vendor)
+            revision = self._revision(watched, found.get(key), now_s, named)
             if revision:
                 revisions.append(revision)
                 watched.advisory = None if revision.state is AdvisoryState.CLEARED else revision
@@ -158,14 +169,14 @@ class FindingLifecycle:
         return revisions
 
     def _revision(
-        self, watched: _WatchedFinding, finding: Finding | None, now_s: float, name_vendor: NameVendor
+        self, watched: _WatchedFinding, finding: Finding | None, now_s: float, named: Name
     ) -> FindingAdvisory | None:
         before = watched.advisory
         if finding:
             watched.found_s = max(watched.found_s, now_s)
             if before:
-                return _updated(before, finding, now_s, name_vendor)
-            return _raised(finding, now_s, name_vendor) if sum(watched.looks) >= LOOKS_NEEDED else None
+                return _updated(before, finding, now_s, named)
+            return _raised(finding, now_s, named) if sum(watched.looks) >= LOOKS_NEEDED else None
         if before and now_s - watched.found_s >= self._clear_after_s:
             return before.cleared_revision(now_s, CLEARED_CODES[before.kind])
         return None
@@ -212,20 +223,18 @@ def _limited(finding: Finding) -> Finding:
     )
 
 
-def _raised(finding: Finding, now_s: float, name_vendor: NameVendor) -> FindingAdvisory:
+def _raised(finding: Finding, now_s: float, named: Name) -> FindingAdvisory:
     return MODELS[finding.kind](
         id=new_id(finding.key, now_s),
         kind=finding.kind,
         revision=1,
         state=AdvisoryState.RAISED,
         raised_at=moment(now_s),
-        **_fields(finding, now_s, name_vendor),
+        **_fields(finding, now_s, named),
     )
 
 
-def _updated(
-    before: FindingAdvisory, finding: Finding, now_s: float, name_vendor: NameVendor
-) -> FindingAdvisory | None:
+def _updated(before: FindingAdvisory, finding: Finding, now_s: float, named: Name) -> FindingAdvisory | None:
     """The next revision; None if the finding differs too little, or it is too soon."""
     is_worse = rises(finding.severity, before.severity)
     advice = finding.recommendation
@@ -236,16 +245,17 @@ def _updated(
         return None
     if not is_worse and not is_other_order and not _is_news(before, finding, now_s):
         return None
-    return before.next_revision(**_fields(finding, now_s, name_vendor))
+    return before.next_revision(**_fields(finding, now_s, named))
 
 
-def _fields(finding: Finding, now_s: float, name_vendor: NameVendor) -> dict[str, Any]:
-    parties = [name_vendor(uuid) for uuid in finding.robots]
+def _fields(finding: Finding, now_s: float, named: Name) -> dict[str, Any]:
+    parties = [named(uuid) for uuid in finding.robots]
     return {
         "severity": finding.severity,
         "robots": finding.robots,
-        "names": tuple(short_text(name, MOST_NAME_BYTES) for name, _ in parties),
-        "vendors": tuple(vendor for _, vendor in parties),
+        "names": tuple(short_text(name, MOST_NAME_BYTES) for name, *_ in parties),
+        "vendors": tuple(party.vendor for party in parties),
+        "participants": tuple(party.participant for party in parties),
         "updated_at": moment(now_s),
         "predicted_at": moment(finding.predicted_s),
         "time_to_conflict_s": _time_left_s(finding, now_s),

@@ -7,7 +7,7 @@ have changed with them: queues of places that a robot wants, and standing robots
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 
-from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle
+from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot
 from deconflict.contention import findings
 from deconflict.contention.ordinary.ordinary_blockages import OrdinaryBlockages
 from deconflict.contention.ordinary.ordinary_queues import OrdinaryQueues
@@ -72,7 +72,7 @@ class Contention:
         """`restored` are the advisories that were open before a restart. `crowds` has the robots that are in a crowd,
         and may change."""
         self.geometry = PlaceGeometry(site.resources, site.zones)
-        self.robots = RobotTable(self.geometry, site.people)
+        self.robots = RobotTable(self.geometry)
         self._settings, self._reading = site.contention, site.reading
         self._measures, self._crowds = measures, crowds
         self._lifecycle = FindingLifecycle(site.contention.clear_after_s, restored)
@@ -149,11 +149,11 @@ class Contention:
         found = [*self._long_waits(now_s), *self._charger_shortages(now_s), *self._double_occupancies(now_s)]
         found += self._deadlocks_and_blockages(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
-        return self._lifecycle.revise(now_s, of_vehicles(found, self.robots), self._name_vendor)
+        return self._lifecycle.revise(now_s, of_vehicles(found, self.robots), self._named)
 
-    def _name_vendor(self, uuid: str) -> tuple[str, str]:
+    def _named(self, uuid: str) -> NamedRobot:
         robot = self.robots[uuid]
-        return robot.name, robot.vendor
+        return NamedRobot(robot.name, robot.vendor, robot.participant)
 
     def _long_waits(self, now_s: float) -> Iterable[Finding]:
         """Places where a robot will wait long, with the slots that cost least."""

@@ -7,7 +7,7 @@ Claims of the receiver and crowds in, advisory revisions out. When an advisory i
 from collections.abc import Iterable
 from math import inf
 
-from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, about_claim
+from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot, about_claim
 from deconflict.advisories.words import finding_words
 from deconflict.contention.crowds.crowd_finding import crowd_finding
 from deconflict.contention.crowds.crowds import Crowds
@@ -51,10 +51,10 @@ class ClaimLifecycle:
         owners = {uuid: claim.owner for claim in self._standing for uuid in claim.robots}
         findings = [self._finding(claim) for claim in self._standing]
         findings += [crowd_finding(crowd, self._live.robots, now_s) for crowd in self._crowds.standing()]
-        return self._lifecycle.revise(now_s, findings, lambda uuid: self._name_vendor(uuid, owners.get(uuid, "")))
+        return self._lifecycle.revise(now_s, findings, lambda uuid: self._named(uuid, owners.get(uuid, "")))
 
     def _finding(self, claim: Claim) -> Finding:
-        names = [self._name_vendor(uuid, claim.owner)[0] for uuid in claim.robots[:3]]
+        names = [self._named(uuid, claim.owner).name for uuid in claim.robots[:3]]
         return Finding(
             kind="foreign_claim" if claim.owner != claim.claimant else "two_places",
             about=about_claim(claim.owner, claim.claimant),
@@ -66,9 +66,10 @@ class ClaimLifecycle:
             evidence={"owner": claim.owner, "claimant": claim.claimant, "claimed": claim.claimed},
         )
 
-    def _name_vendor(self, uuid: str, owner: str) -> tuple[str, str]:
-        robot = self._live.robots.get(uuid)
-        return (robot.name, robot.vendor) if robot else (f"{owner} {uuid[:8]}", owner)
+    def _named(self, uuid: str, owner: str) -> NamedRobot:
+        if robot := self._live.robots.get(uuid):
+            return NamedRobot(robot.name, robot.vendor, robot.participant)
+        return NamedRobot(f"{owner} {uuid[:8]}", owner)
 
     def _location(self, uuids: Iterable[str]) -> Location | None:
         """Where the first of some robots is whose place is known; None if none is."""

@@ -91,7 +91,7 @@ class Engine:
         what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
         are no advisories on queues, deadlocks, blockages and claims, and nothing is asked of robots.
         """
-        self.site, self._people, self._conflicts_only, self.measures = site, site.people, conflicts_only, Measures()
+        self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence, self._crowds = Presence(self.live, self.measures), Crowds(self.live)
@@ -281,7 +281,7 @@ class Engine:
 
     def _are_on_foot(self, pair: Pair) -> bool:
         """Whether both are people on foot: nobody warns them of each other."""
-        return bool(self._people) and all(self.live.robots[uuid].vendor in self._people for uuid in pair)
+        return pair[0] in self.live.on_foot and pair[1] in self.live.on_foot
 
     def _predictions(self, now_s: float, conflicts: PairConflicts) -> Predictions:
         """The pairs in conflict by the sweep, and those that are likely to be although it does not say so, without
@@ -306,7 +306,7 @@ class Engine:
             still=foreseen.still,
             both_present=self.presence.both_there(foreseen.pairs),
         )
-        return predictions.without(self._are_on_foot) if self._people else predictions
+        return predictions.without(self._are_on_foot) if self.live.on_foot else predictions
 
     def probabilities(self) -> list[tuple[Pair, float]]:
         """The probability of every examined pair to come within the clearance within the horizon, after `step`."""

@@ -36,7 +36,7 @@ class EngineAdvice:
         self._live, self._sweeper, self._crowds, self._last_waited_s = live, sweeper, crowds, last_waited_s
         self._crowded: frozenset[str] = frozenset()
         """The robots that were in a crowd in the last pass."""
-        self._priorities, self._people = Priorities(site.vendors), site.people
+        self._priorities = Priorities(site.vendors)
         self.submit = submit
         self._answers = AsyncAnswers(submit)
         self.burden = Burden(burdens_s)
@@ -78,5 +78,6 @@ class EngineAdvice:
 
     def _planned(self, batch: Batch, row: int, waited_s: float) -> PlannedRobot:
         vendor, stands = batch.vendors[row], int(batch.basis[row]) == Basis.STATIONARY
-        on_foot, priority = vendor in self._people, self._priorities.of(vendor, batch.models[row])
+        on_foot = batch.participants[row] == "person"
+        priority = self._priorities.of(vendor, batch.models[row], on_foot=on_foot)
         return PlannedRobot(batch.names[row], vendor, not (stands or on_foot), priority, waited_s, on_foot)

@@ -57,7 +57,7 @@ class LiveScene:
         silent_s = self._presence.silent_s(uuid, now_s)
         remarks = {"distrusted": self._foresight.is_distrusted(uuid), "silent": silent_s is not None}
         basis = _BASIS_NAMES[robot.basis] + "".join(f" ({remark})" for remark, holds in remarks.items() if holds)
-        return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY, silent_s)
+        return Party(robot.name, robot.vendor, basis, robot.basis is Basis.STATIONARY, silent_s, robot.participant)
 
     def stands(self, uuid: str) -> bool:
         robot = self._live.robots.get(uuid)

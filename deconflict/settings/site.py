@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.outlet_settings import Mqtt, Webhook
 from deconflict.settings.shared_places import ContentionSettings, NamedArea, Obstacle, Resource, Zone
+from ingest.fleet.owners.device_kinds import has_only_people
 from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.settings import (
     Datum,
@@ -201,8 +202,8 @@ class Site(Section):
 
     @property
     def people(self) -> frozenset[str]:
-        """Names of the vendors whose devices people on foot carry."""
-        return frozenset(vendor.name for vendor in self.vendors if vendor.participant == "person")
+        """Names of the vendors of which every device is carried by a person on foot."""
+        return frozenset(vendor.name for vendor in self.vendors if has_only_people(vendor))
 
 
 DEFAULT = Site()

@@ -14,6 +14,7 @@ from deconflict.settings.map_checks import map_problems
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource, Zone, outlines
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import SiteError, datum_of, fit_problems, load
+from deconflict_client.participant_kinds import NOUNS
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
 from ingest.frames.projection import Projection
@@ -107,6 +108,7 @@ def report_lines(report: SiteReport) -> Iterator[str]:
         if not vendor.maps:
             yield ""
             yield f"{vendor.name}: sends in the datums' own coordinates"
+    yield from _kind_lines(site)
     for map_report in report.maps:
         yield from _map_lines(map_report)
     yield from _place_lines(site)
@@ -199,6 +201,20 @@ def _datum_lines(datum: Datum) -> Iterator[str]:
         x_m, y_m = chart.points(np.array([[point.x, point.y]]))[0]
         yield f"  {_short(point.name or point.id):24} {point.x:12.7f} {point.y:12.7f}  ->  {x_m:z10.3f} {y_m:z10.3f} m"
     yield "  yaw 0 deg (north) becomes 90 deg on the floor, yaw 90 deg (east) becomes 0 deg"
+
+
+def _kind_lines(site: Site) -> Iterator[str]:
+    """What the devices of each vendor stand for, if not for robots alone."""
+    for vendor in site.vendors:
+        models = {name: model.participant for name, model in vendor.models.items() if model.participant}
+        uuids = [
+            f"{len(begins)} UUID{'' if len(begins) == 1 else 's'}: {NOUNS[kind][1]}"
+            for kind, begins in vendor.participants.items()
+        ]
+        apart = [*(f"model {name}: {NOUNS[kind][1]}" for name, kind in models.items()), *uuids]
+        if apart or vendor.participant != "robot":
+            yield ""
+            yield f"{vendor.name}: {'; '.join([NOUNS[vendor.participant][1], *apart])}"
 
 
 def _place_lines(site: Site) -> Iterator[str]:

@@ -237,6 +237,12 @@ def _vendor_contradictions(site: Site) -> Iterator[str]:
         for column, uuid in enumerate(vendor.robots)
     )
     for row, vendor in enumerate(site.vendors):
+        given = [(f"vendors[{row}].participants.{kind}", begins) for kind, begins in vendor.participants.items()]
+        yield from _repeated((key, begin.lower()) for key, begins in given for begin in dict.fromkeys(begins))
+        for key, begins in given:
+            for begin in begins:
+                if not begin or "*" in begin[:-1]:
+                    yield f"{key}: found {begin!r}; expected a UUID, or how UUIDs begin with a * at the end"
         keys = [f"vendors[{row}].maps[{column}]" for column in range(len(vendor.maps))]
         maps = list(zip(keys, vendor.maps, strict=True))
         yield from _repeated((f"{key}.datum", vendor_map.datum) for key, vendor_map in maps)

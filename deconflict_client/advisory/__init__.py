@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from deconflict_client.advisory.cleared_code import ClearedCode as ClearedCode
+from deconflict_client.participant_kinds import ParticipantKind
 
 Robot = Annotated[str, Field(description="UUID of a robot")]
 
@@ -155,6 +156,7 @@ class Advisory(Published):
     robots: tuple[Robot, ...] = Field(description="UUIDs, in ascending order, at most 20")
     names: tuple[str, ...] = Field(description="names of the robots for people, in the same order")
     vendors: tuple[str, ...] = Field(description="vendors of the robots, in the same order")
+    participants: tuple[ParticipantKind, ...] = Field(default=(), description="what each is; empty in older releases")
     raised_at: datetime
     updated_at: datetime = Field(description="time at which this revision was decided")
     cleared_at: datetime | None = None

@@ -65,7 +65,7 @@ class HeardRobot(BaseModel):
     name: str
     vendor: str
     language: str = Field(description="standard of its messages")
-    participant: ParticipantKind = Field(description="what its vendor's devices stand for, by the site file")
+    participant: ParticipantKind = Field(description="what it stands for, by the site file")
     source: str = Field(description="where its messages come from")
     examined: bool = Field(description="whether it is compared with others as soon as it can be")
     unexamined_reason: str | None = None

@@ -70,7 +70,9 @@ class SiteVendor(BaseModel):
     """A vendor that the site file names."""
 
     name: str
-    participant: ParticipantKind = Field(description="what its devices stand for")
+    participant: ParticipantKind = Field(
+        description="what its devices stand for, unless their UUID or model says otherwise"
+    )
 
 
 class SiteMap(BaseModel):

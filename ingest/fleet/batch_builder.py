@@ -39,6 +39,7 @@ def batch(
         destinations=_destinations(list(_values(robots, "stops"))),
         gone=gone,
         claims=claims,
+        participants=tuple(_values(robots, "participant")),
         sources=tuple(_values(robots, "source")),
         examined=_column(robots, "examined", np.bool_),
         came_s=_column(robots, "came_s"),

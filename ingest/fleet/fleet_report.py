@@ -14,6 +14,7 @@ from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners import comparability
 from ingest.fleet.owners.admission import UNEXAMINED
 from ingest.fleet.owners.comparability import NotCompared, shown_by_history, unexamined_sentence
+from ingest.fleet.owners.device_kinds import participant_of
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown import odd_values
@@ -84,7 +85,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "name": robot.name,
         "vendor": robot.vendor,
         "language": robot.language,
-        "participant": fleet.vendors.settings(robot.vendor).participant,
+        "participant": participant_of(fleet.vendors.settings(robot.vendor), robot.model, robot.uuid),
         "source": robot.source,
         "examined": robot.examined,
         "unexamined_reason": None if robot.examined else unexamined_sentence(robot),

@@ -5,6 +5,7 @@ from math import isfinite, isinf
 
 from msgspec.structs import replace
 
+from ingest.fleet.owners.device_kinds import participant_of
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.forecast import forecast, matches, stops
@@ -149,6 +150,7 @@ class Placement:
         if robot.context is None or robot.context_key != key:
             robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, loads))
             robot.context_key = key
+            robot.participant = participant_of(self._vendors.settings(robot.vendor), robot.model, robot.uuid)
             robot.pace.of_model = self._pace_book.of_model(robot.vendor, robot.model)
         return robot.context
 

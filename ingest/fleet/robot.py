@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import nan
 
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
@@ -36,6 +37,8 @@ class Robot:
     """What a person calls the robot."""
     model: str = field(init=False)
     """As its vendor names it; "" before it has identified itself."""
+    participant: ParticipantKind = "robot"
+    """What it stands for, by the settings with which it was forecast."""
     identity: Identity | None = None
     shared_identity: SharedIdentity | None = None
     """The report that its identity was read from."""

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from deconflict_client.participant_kinds import counted
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.visible_text import visible
 from metrics.replay.conformance_counts import value_in_words
@@ -39,6 +40,8 @@ class WatchedVendor:
     messages: int
     heard: int
     """Robots of it that are heard."""
+    kinds: str
+    """The same in words, with what they stand for."""
     placed: int
     compared: int
     to_mend: tuple[str, ...]
@@ -65,7 +68,7 @@ def page(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: float)
 def _lines(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: float) -> Iterator[str]:
     for vendor in vendors:
         speaks = f" ({vendor.standards})" if vendor.standards else ""
-        robots = f"{vendor.heard} robots heard, {vendor.placed} placed, {vendor.compared} compared"
+        robots = f"{vendor.kinds} heard, {vendor.placed} placed, {vendor.compared} compared"
         yield f"{vendor.name}{speaks}: {vendor.messages} messages in {seconds:g} s; {robots}"
         yield from (f"  {line}" for line in vendor.to_mend[:MOST_LINES])
         if (more := len(vendor.to_mend) - MOST_LINES) > 0:
@@ -91,6 +94,7 @@ def _vendor(name: str, before: Answers, after: Answers, seconds: float) -> Watch
         ", ".join(FRONT_ENDS[language].standard for language in now.get("languages", ()) if language in FRONT_ENDS),
         messages,
         len(heard),
+        counted(robot.get("participant", "robot") for robot in heard),
         sum(robot["location"] is not None for robot in heard),
         sum(robot["compared"] for robot in heard),
         tuple(lines),

@@ -62,9 +62,10 @@ class ClearanceScores:
         """All figures. Call it after the last pass; the log ended at `end_s`."""
         contact, alerts = self._contact_calibration, list(self._alerts())
         spans = [(alert.pair, alert.raised_s, alert.cleared_s) for alert in alerts]
-        seen = RobotPresence(names.vendor_of, self._truth.motion.present_s())
+        silences, moved_s = self._truth.silences, self._truth.motion.present_s()
+        seen = RobotPresence(names.vendor_of, {key: moved_s[key] for key in moved_s.keys() - silences.on_foot})
         figures = score(self._truth.encounters(self.clearance_m), alerts, self.clearance_m, seen, contact.by_vendors)
-        present = RobotPresence(names.vendor_of, self._truth.silences.present_s())
+        present = RobotPresence(names.vendor_of, silences.present_s())
         cases = self._judged(alerts, present, end_s)
         return figures | {
             "censored_samples": int(contact.whole().left.sum()),
@@ -73,7 +74,7 @@ class ClearanceScores:
             "silences": self._absences.figures(self.clearance_m, spans, STANDING_S),
             "warnings": self._warnings(cases, present)
             | {"probability": self._probability_figures()}
-            | {"listed": listed(cases, names), "by_minute": by_minute(cases, self._truth.silences.by_minute_s)},
+            | {"listed": listed(cases, names), "by_minute": by_minute(cases, silences.by_minute_s)},
             "believer": self._warnings(self._judged(self.believer.alerts(), present, end_s), present),
         }
 

@@ -1,10 +1,12 @@
 """The scores of a replay: what happened on the floor, compared with the output of every engine."""
 
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from math import floor, inf
 from typing import Any
 
+from deconflict.foresight.presence.live_robots import on_foot
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.settings.site import Site
@@ -57,6 +59,9 @@ class LogScores:
         now_s, batch = engine_pass.now_s, engine_pass.batch
         self.names.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.names.name_of.update(zip(batch.robots, batch.names, strict=True))
+        self.names.participant_of.update(zip(batch.robots, batch.participants, strict=True))
+        self.truth.silences.on_foot.difference_update(batch.robots)
+        self.truth.silences.on_foot.update(on_foot(batch))
         self.names.floors = batch.floors
         self.truth.report(batch.robots, batch.forecasts, batch.reports_within_s)
         self.absences.add_batch(batch)
@@ -93,6 +98,7 @@ class LogScores:
             "floors": dict(self.names.floor_names),
             "messages": passes.messages,
             "robots": len(self.names.vendor_of),
+            "participants": dict(Counter(self.names.participant_of.values())),
             "span_s": passes.span_s,
             "scores": scores,
             "interactions": self.interactions.figures(),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.site import DEFAULT, Site
+from deconflict_client.participant_kinds import counted
 from ingest.batch import FloorPoint
 from ingest.languages.visible_text import visible
 from metrics.report.html_cells import Part, moment, percent
@@ -25,7 +26,7 @@ def summary(result: Part, written: Sequence[Path], site: Site = DEFAULT) -> str:
 def first_sentences(result: Part) -> str:
     """How often robots got in each other's way, how often the service warned of it, and how often in vain."""
     quality = WarningQuality.of(result["scores"][0]["warnings"])
-    floor = f"In {span(result['span_s'])}, {result['robots']:,} robots of {_vendors(result)}"
+    floor = f"In {span(result['span_s'])}, {counted(Counter(result['participants']).elements())} of {_vendors(result)}"
     if not quality.events:
         return f"{floor} never got in each other's way. {_outcomes(quality)}"
     warned = f"{quality.warned_of:,} of these ({percent(quality.share_warned_of)})"

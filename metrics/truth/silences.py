@@ -57,6 +57,8 @@ class Silences:
         """Whether the last of these goes on."""
         self.by_minute_s: defaultdict[int, float] = defaultdict(float)
         """Total presence of all robots, by minute since the epoch."""
+        self.on_foot: set[str] = set()
+        """UUIDs of the people on foot, whose presence counts nowhere."""
 
     def report(self, robots: Sequence[str], forecasts: Forecasts, reports_within_s: Floats | None = None) -> None:
         """Add the present poses of robots that have reported. These are the first knots of the forecasts."""
@@ -117,7 +119,8 @@ class Silences:
 
     def present_s(self) -> dict[str, float]:
         """How long each robot was present."""
-        return dict(zip(self._slots.uuids, self._there_s[: len(self._slots)].tolist(), strict=True))
+        there_s = zip(self._slots.uuids, self._there_s[: len(self._slots)].tolist(), strict=True)
+        return {uuid: present_s for uuid, present_s in there_s if uuid not in self.on_foot}
 
     def _count(self, rows: Ints, heard_s: Floats, gap_s: Floats) -> None:
         """Add the intervals between reports, and the presence of robots that were not silent in them."""
@@ -128,6 +131,7 @@ class Silences:
         self._gaps_s[rows, self._known[rows] % GAPS] = gap_s
         self._known[rows] += 1
         self._there_s[rows] += gap_s
+        gap_s = np.where([self._slots.uuids[row] in self.on_foot for row in rows.tolist()], 0.0, gap_s)
         minutes = (heard_s / MINUTE_S).astype(np.int64)
         for minute in sorted(set(minutes.tolist())):
             self.by_minute_s[minute] += float(gap_s[minutes == minute].sum())

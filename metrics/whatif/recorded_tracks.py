@@ -1,6 +1,5 @@
 """What a log says of its robots: where each was at each report, and the time that it lost to others."""
 
-from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import chain
@@ -16,7 +15,6 @@ from ingest.measures.measures import Measures
 from ingest.recording.log_reader import Event
 from metrics.replay.recorded_passes import PassReader
 
-PERSON = "person"
 Report = tuple[float, float, float, float, int]
 """Seconds since the epoch, x, y, yaw and floor."""
 
@@ -61,6 +59,7 @@ class _Reports:
     vendor: str
     model: str
     size_m: tuple[float, float]
+    is_person: bool = False
     rows: list[Report] = field(default_factory=list)
 
 
@@ -84,16 +83,15 @@ class TrackReader:
             size_m = float(known.length_m[row]), float(known.width_m[row])
             of_robot = self._reports.setdefault(uuid, _Reports("", "", "", size_m))
             of_robot.name, of_robot.vendor, of_robot.model = batch.names[row], batch.vendors[row], batch.models[row]
-            of_robot.size_m = size_m
+            of_robot.size_m, of_robot.is_person = size_m, batch.participants[row] == "person"
             place = float(known.x_m[knot]), float(known.y_m[knot]), float(known.yaw_rad[knot]), int(known.floor[knot])
             of_robot.rows.append((float(batch.event_s[row]), *place))
 
-    def floor(self, people: Iterable[str]) -> RecordedFloor:
-        """What was collected. `people` are the vendors whose participants are persons."""
+    def floor(self) -> RecordedFloor:
+        """What was collected."""
         times_s = [row[0] for reports in self._reports.values() for row in reports.rows]
         start_s, end_s = (min(times_s), max(times_s)) if times_s else (0.0, 0.0)
-        vendors = set(people)
-        tracks = [_track(uuid, found, start_s, vendors) for uuid, found in sorted(self._reports.items())]
+        tracks = [_track(uuid, found, start_s) for uuid, found in sorted(self._reports.items())]
         losses = [loss._replace(from_s=loss.from_s - start_s, until_s=loss.until_s - start_s) for loss in self._losses]
         return RecordedFloor(tracks, losses, self._numbers.names, end_s - start_s)
 
@@ -101,15 +99,12 @@ class TrackReader:
 def recorded_floor(events: Iterable[Event], site: Site) -> RecordedFloor:
     """The tracks and losses of a log."""
     passes, reader = PassReader(site), TrackReader(site)
-    vendors: defaultdict[str, bool] = defaultdict(bool)
     for engine_pass in chain(passes.passes_of(events), passes.last_passes()):
         reader.add(engine_pass.batch)
-        for vendor in set(engine_pass.batch.vendors) - vendors.keys():
-            vendors[vendor] = passes.fleet.vendors.settings(vendor).participant == PERSON
-    return reader.floor(vendor for vendor, is_person in vendors.items() if is_person)
+    return reader.floor()
 
 
-def _track(uuid: str, reports: _Reports, start_s: float, people: set[str]) -> RobotTrack:
+def _track(uuid: str, reports: _Reports, start_s: float) -> RobotTrack:
     rows = np.array(sorted({row[0]: row for row in reports.rows}.values()))
     t_s, x_m, y_m, yaw_rad = rows[:, :4].T
     return RobotTrack(
@@ -117,7 +112,7 @@ def _track(uuid: str, reports: _Reports, start_s: float, people: set[str]) -> Ro
         name=reports.name,
         vendor=reports.vendor,
         model=reports.model,
-        is_person=reports.vendor in people,
+        is_person=reports.is_person,
         length_m=reports.size_m[0],
         width_m=reports.size_m[1],
         t_s=t_s - start_s,

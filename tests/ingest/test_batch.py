@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import AMOUNTS, Amounts, Basis, Batch, Claim, Destinations, Forecasts
 from ingest.shapes import Shape, ShapePart, shapes_of
 
@@ -51,6 +52,7 @@ def test_joining_nothing_is_empty() -> None:
 def batch_of(*knots: int) -> Batch:
     """A robot for each number of knots."""
     n = len(knots)
+    person: ParticipantKind = "person"
     return Batch(
         now_s=1792000000.123456,
         floors=("a", "ü\n"),
@@ -77,6 +79,7 @@ def batch_of(*knots: int) -> Batch:
         ),
         gone=("g",),
         claims=(Claim("Alder", "Mallory", ("r1", "r2"), 3, 1792000000.0),),
+        participants=(person,) * n,
         sources=tuple(f"10.0.0.{i}" for i in range(n)),
         examined=np.arange(n) % 2 == 0,
         came_s=np.arange(n, dtype=np.float64) - 100.0,
@@ -90,7 +93,18 @@ def test_a_batch_survives_its_bytes(knots: tuple[int, ...]) -> None:
     assert_same(back.forecasts, batch.forecasts)
     for name in ("start", "t_s", "x_m", "y_m", "floor"):
         np.testing.assert_array_equal(getattr(back.destinations, name), getattr(batch.destinations, name))
-    for name in ("now_s", "floors", "robots", "vendors", "names", "states", "gone", "claims", "sources"):
+    for name in (
+        "now_s",
+        "floors",
+        "robots",
+        "vendors",
+        "names",
+        "states",
+        "gone",
+        "claims",
+        "participants",
+        "sources",
+    ):
         assert getattr(back, name) == getattr(batch, name)
     arrays = "statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "came_s"
     for name in (*arrays, "examined"):

@@ -12,7 +12,6 @@ from deconflict.advisories.situations.advice.asked_robots import AskedRobots
 from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, PeopleTurns
 from deconflict.advisories.situations.advice.situation_advice import revised_advice
 from deconflict.advisories.situations.situation_fields import Assessment
-from deconflict.settings.site import Site
 from deconflict_client.advisory import AnyAdvisory, Severity
 from deconflict_client.advisory.robot_advice import RobotAdvice
 from deconflict_client.situations import PeopleWaitFor, Situation, SituationAdvice
@@ -21,15 +20,10 @@ from deconflict_client.situations import PeopleWaitFor, Situation, SituationAdvi
 class PeopleLast:
     """When the situations of a floor ask people, where robots are asked, too."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self) -> None:
         self._robots, self._turns = AskedRobots(), PeopleTurns()
         self._asked_s: dict[str, float] = {}
         """By id of an advisory: when a situation last asked people for something about it."""
-        self.renew(site)
-
-    def renew(self, site: Site) -> None:
-        """Know the people of a changed site: what is critical for one of them does not wait for a turn."""
-        self._persons = {vendor.name for vendor in site.vendors if vendor.participant == "person"}
 
     def take(self, requests: Iterable[RobotAdvice], now_s: float) -> None:
         """Revisions of what is asked of robots."""
@@ -78,11 +72,11 @@ class PeopleLast:
     def _has_turn(
         self, situation_id: str, before: Situation | None, assessment: Assessment, asking: AnyAdvisory, now_s: float
     ) -> bool:
-        """Whether people may be asked about an advisory now."""
+        """Whether people may be asked about an advisory now. What is critical for one on foot waits for no turn."""
         if self._is_asked(asking, now_s):
             return True
-        vendors = {vendor for each in assessment.advisories for vendor in each.vendors}
-        if assessment.severity is Severity.CRITICAL and not vendors.isdisjoint(self._persons):
+        on_foot = any("person" in each.participants for each in assessment.advisories)
+        if assessment.severity is Severity.CRITICAL and on_foot:
             return True
         raised_s = before.raised_at.timestamp() if before else now_s
         return self._turns.take(situation_id, assessment.severity, raised_s, now_s)

@@ -31,6 +31,7 @@ from deconflict_client.advisory import (
     SituationKind,
     moment,
 )
+from deconflict_client.participant_kinds import ParticipantKind
 from deconflict_client.situations import (
     MOST_ADVISORIES,
     MOST_ROBOTS,
@@ -172,11 +173,17 @@ def listed_robots(advisories: Iterable[AnyAdvisory]) -> tuple[str, ...]:
     return tuple(names_of(advisories))[:MOST_ROBOTS]
 
 
+def participants_of(advisories: Iterable[AnyAdvisory]) -> dict[str, ParticipantKind]:
+    """By UUID, what the robots of advisories stand for. Advisories of older releases do not say it."""
+    return {robot: kind for each in advisories for robot, kind in zip(each.robots, each.participants, strict=False)}
+
+
 def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]:
     """All fields but texts and outline."""
     advisories, stakes, matter, listed = assessment[:4]
     names = names_of(advisories)
     vendors = {robot: vendor for each in advisories for robot, vendor in zip(each.robots, each.vendors, strict=True)}
+    participants = participants_of(advisories)
     soonest = min(matter.advisories, key=lambda advisory: (advisory.time_left_s(now_s), advisory.id))
     left_s = soonest.time_left_s(now_s)
     members = sorted(group.members, key=lambda name: (group.members[name].raised_s, name))
@@ -186,6 +193,7 @@ def _facts(group: Group, assessment: Assessment, now_s: float) -> dict[str, Any]
         "robots": listed,
         "names": tuple(short_text(names[robot], MOST_NAME_BYTES) for robot in listed),
         "vendors": tuple(vendors[robot] for robot in listed),
+        "participants": tuple(participants.get(robot, "robot") for robot in listed),
         "more_robots": len(names) - len(listed),
         "updated_at": moment(now_s),
         "predicted_at": soonest.predicted_at,

@@ -273,7 +273,8 @@ def is_news(before: Situation, after: Situation) -> bool:
     return (
         before.severity != after.severity
         or (before.situation_kind, before.culprit) != (after.situation_kind, after.culprit)
-        or before.robots != after.robots
+        or (before.robots, before.participants) != (after.robots, after.participants)
+        or before.is_far != after.is_far
         or (before.advice, before.people_wait_for) != (after.advice, after.people_wait_for)
         or before.advisories != after.advisories
         or _is_elsewhere(before, after)

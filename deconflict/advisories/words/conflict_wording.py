@@ -28,6 +28,7 @@ from deconflict_client.advisory import (
     Severity,
     moment,
 )
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Pair
 
 if TYPE_CHECKING:  # the operator face makes situations without numba
@@ -58,6 +59,7 @@ class Party:
     standing: bool
     silent_s: float | None = None
     """How long it has been silent; None if it reports."""
+    participant: ParticipantKind = "robot"
 
     @property
     def described(self) -> str:
@@ -93,6 +95,7 @@ class Texts(TypedDict):
 class RevisionFields(Texts):
     """The fields of an advisory that follow from its newest prediction."""
 
+    participants: tuple[ParticipantKind, ParticipantKind]
     severity: Severity
     encounter_class: EncounterClass
     basis: tuple[str, str]
@@ -121,6 +124,7 @@ def revision_fields(
     """The fields that follow from a prediction of two robots that meet like `met`, at `spot` of a datum."""
     time_s = max(prediction.contact_s - now_s, 0.0)
     return RevisionFields(
+        participants=(parties[0].participant, parties[1].participant),
         severity=severity,
         encounter_class=met.encounter_class,
         basis=(parties[0].basis, parties[1].basis),

@@ -60,7 +60,7 @@ def queue_advice(
 
 def _priority(priorities: Priorities, live: LiveRobots, uuid: str) -> float:
     robot = live.robots[uuid]
-    return priorities.of(robot.vendor, robot.model)
+    return priorities.of(robot.vendor, robot.model, on_foot=uuid in live.on_foot)
 
 
 class QueueAdvice:

@@ -1,6 +1,6 @@
 """What contention knows of each robot: where it stands, what it has, where it goes next and by which path."""
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,10 +46,9 @@ RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 class RobotTable(Mapping[str, RobotView]):
     """Every robot, by UUID."""
 
-    def __init__(self, geometry: PlaceGeometry, people: Container[str] = ()) -> None:
-        """`people` are the vendors whose devices people on foot carry."""
+    def __init__(self, geometry: PlaceGeometry) -> None:
         self.arrivals, self.batteries = ArrivalForecast(), BatteryUse()
-        self._geometry, self._people = geometry, people
+        self._geometry = geometry
         self._slots = RobotSlots()
         self.records = np.zeros(0, ROBOT)
         """By slot, with spare rows."""
@@ -114,7 +113,7 @@ class RobotTable(Mapping[str, RobotView]):
         slots, _ = self._slots.assign(batch.robots)
         self._grow(len(self._slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
-        self._names.update(zip(batch.robots, first_fields(batch, self._people), strict=True))
+        self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         stale = update_records(

@@ -1,12 +1,13 @@
 """The facts of one robot that contention uses."""
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from deconflict.contention.robots.destinations import PlannedStop
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.place_geometry import ZonePassage
 from deconflict.sweep.shapes.trailers import rows_of_trains
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Batch
 
 
@@ -23,8 +24,8 @@ class RobotView:
     """Whether it can't back, because its trailers would fold."""
     reports_within_s: float
     """Its next report may come as late as this by the rules of its language; 0 if there is no such rule."""
-    on_foot: bool
-    """Whether it is a person on foot, who goes around what stands, and of whom nothing is asked."""
+    participant: ParticipantKind
+    """What it stands for."""
     event_s: float
     """Time of the newest pose."""
     x_m: float
@@ -68,19 +69,23 @@ class RobotView:
         return passage.was_inside if passage else self.here == place
 
     @property
+    def on_foot(self) -> bool:
+        """Whether it is a person on foot, who goes around what stands, and of whom nothing is asked."""
+        return self.participant == "person"
+
+    @property
     def speed_mps(self) -> float:
         """Along its path; walking pace if it is not forecast to move."""
         return max(self.way_m / (STEPS * STEP_S), 0.2) if self.goes else 1.0
 
 
-FirstFields = tuple[str, str, str, bool, float, bool]
-"""The fields of a view from `vendor` to `on_foot`."""
+FirstFields = tuple[str, str, str, bool, float, ParticipantKind]
+"""The fields of a view from `vendor` to `participant`."""
 
 
-def first_fields(batch: Batch, people: Container[str]) -> Iterator[FirstFields]:
-    """Those of each robot of a batch. `people` are the vendors whose devices people on foot carry."""
+def first_fields(batch: Batch) -> Iterator[FirstFields]:
+    """Those of each robot of a batch."""
     trains = set(rows_of_trains(batch.forecasts))
     pulls_trailers = (row in trains for row in range(len(batch)))
     texts = batch.vendors, batch.names, batch.states
-    on_foot = (vendor in people for vendor in batch.vendors)
-    return zip(*texts, pulls_trailers, batch.reports_within_s.tolist(), on_foot, strict=True)
+    return zip(*texts, pulls_trailers, batch.reports_within_s.tolist(), batch.participants, strict=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
 from ingest.kernels import inner, kernel
 from ingest.shapes import shapes_of
@@ -74,6 +75,10 @@ class LiveRobot:
         return self.batch.names[self.row]
 
     @property
+    def participant(self) -> ParticipantKind:
+        return self.batch.participants[self.row]
+
+    @property
     def basis(self) -> Basis:
         return _BASES[int(self.batch.basis[self.row])]
 
@@ -111,6 +116,8 @@ class LiveRobots:
 
     robots: dict[str, LiveRobot] = field(default_factory=dict)
     floors: tuple[str, ...] = ()
+    on_foot: set[str] = field(default_factory=set)
+    """UUIDs of those that are people on foot."""
     at: Floats = field(default_factory=lambda: np.empty((0, 5)))
     """(slots, 5) x_m, y_m and floor of the first knot, bottom_m and top_m; nan for a free slot."""
     event_s: Floats = field(default_factory=lambda: np.empty(0))
@@ -150,6 +157,8 @@ class LiveRobots:
         for row, uuid in enumerate(batch.robots):
             robot = self.robots[uuid]
             robot.batch, robot.row, robot.growth_m = batch, row, 0.0
+        self.on_foot.difference_update(batch.robots)
+        self.on_foot.update(on_foot(batch))
         first = forecasts.start[:-1]
         places = [column[first] for column in (forecasts.x_m, forecasts.y_m, forecasts.floor)]
         self.at[slots] = np.column_stack([*places, forecasts.bottom_m, forecasts.top_m])
@@ -197,6 +206,7 @@ class LiveRobots:
         """Forget robots. Unknown ones are ignored."""
         uuids = list(uuids)
         self._aside.difference_update(uuids)
+        self.on_foot.difference_update(uuids)
         for uuid in uuids:
             self.robots.pop(uuid, None)
         self.at[self._slots.release(uuids)] = np.nan
@@ -221,6 +231,11 @@ class LiveRobots:
         if len(others) > most:
             others = sorted(others)[:most]
         return sorted(group.union(uuid for _, uuid in others))
+
+
+def on_foot(batch: Batch) -> Iterable[str]:
+    """The UUIDs of the people on foot of a batch."""
+    return (uuid for uuid, kind in zip(batch.robots, batch.participants, strict=True) if kind == "person")
 
 
 def _numbered(names: Iterable[str], numbers: dict[str, int]) -> list[int]:

@@ -43,7 +43,7 @@ from deconflict_client.answers.api_models import (
     VendorAnswer,
 )
 from deconflict_client.answers.vendor_models import VendorList
-from deconflict_client.situations import advice_of, situations_of
+from deconflict_client.situations import advice_of, most_urgent_first, situations_of
 from ingest.measures.measures import Measures
 
 MOST_LISTED = 10_000
@@ -99,14 +99,16 @@ class ApiRoutes:
         robot: Annotated[str | None, Query(description="only situations with this robot (UUID)")] = None,
         limit: Annotated[int, Query(ge=1, le=MOST_LISTED, description="largest number of situations")] = 100,
     ) -> Response:
-        """The newest revision of each situation, newest first."""
-        party = {"vendor": vendor, "robot": robot and robot.lower()}
-        listing = self._store.latest(
-            state, kind=SITUATION, situation_kind=kind, severity=severity, limit=limit, **party
-        )
-        situations = situations_of(listing.advisories)
+        """The newest revision of each situation: open ones in their `order`, the most urgent first; others newest
+        first."""
+        party, is_open = {"vendor": vendor, "robot": robot and robot.lower()}, state == "open"
+        most = MOST_LISTED if is_open else limit
+        listing = self._store.latest(state, kind=SITUATION, situation_kind=kind, severity=severity, limit=most, **party)
+        found = situations_of(listing.advisories)
+        situations = most_urgent_first(found)[:limit] if is_open else found
         unknown = {} if situations else self._names.unknown_from_thread(**party)
-        return json_response(SituationList(seq=listing.seq, situations=situations, more=listing.more, unknown=unknown))
+        more = listing.more or len(found) > limit
+        return json_response(SituationList(seq=listing.seq, situations=situations, more=more, unknown=unknown))
 
     def situation(self, situation_id: str) -> Response:
         """Every revision of one situation."""

@@ -2,8 +2,8 @@
 
 Pure: takes in batches, gives frames. A row is
 
-    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots, shape,
-     trailers]
+    [uuid, vendor, name, state, floor, basis, event_s, arrival_s, doubt_m, length_m, width_m, knots,
+     participant, shape, trailers]
 
 `floor` is an index into the frame's `floors`; -1 is a robot that is compared with none. `knots` has the
 forecast's poses one after the other: seconds after `event_s`, x and y in metres, yaw in radians. `shape` is left out
@@ -100,6 +100,7 @@ def rows(batch: Batch) -> list[str]:
         end = next((k for k in range(start[i], start[i + 1]) if floor[k] != here), start[i + 1])
         knots = [value for k in range(start[i], end) for value in (after_s[k], x[k], y[k], yaw[k])]
         row: list[Any] = [uuid, vendor, name, state, here, BASES[basis], *(column[i] for column in columns), knots]
+        row.append(batch.participants[i])
         if shape := forecasts.shape(i):
             row += [[outline_row(part) for part in shape.parts], trailer_rows(shape, knots)]
         written.append(json.dumps(row, separators=(",", ":")))

@@ -19,7 +19,7 @@ import { Shown } from "./floor/shown.js";
 import { Shift } from "./dialogs/shift.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
-import { clock, isDue, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, title, toDo, what } from "./texts.js";
+import { clock, counted, isDue, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, title, toDo, what } from "./texts.js";
 
 const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
@@ -34,7 +34,7 @@ const root = document.documentElement;
 
 const vendors = new Vendors();
 const feed = new Feed(announce);
-const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, atS), (robots) => vendors.counted(robots));
+const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, atS));
 const shown = new Shown(live, feed);
 const past = new Past({ moment: $("moment"), back: $("back"), forth: $("forth"), now: $("live"), time: $("shown") }, shown, () => { list(); readHeat(); });
 let viewBefore = null; // what the map showed before it went to `of`, a situation or robot that somebody chose
@@ -104,7 +104,7 @@ function scene() {
   const { atS } = shown, unidentified = new Set(shown.health.unidentified ?? []);
   const here = onFloor().filter((robot) => !isTakenOff(robot));
   for (const robot of here) setPresence(robot, atS, unidentified);
-  const situations = [...mostUrgentFirst(open(), atS, vendors.people), ...ended()].filter((situation) => situation.location?.datum === floor);
+  const situations = [...mostUrgentFirst(open()), ...ended()].filter((situation) => situation.location?.datum === floor);
   const picked = new Set([chosen, pointed.situation]), highlighted = new Set(situations.filter(({ id }) => picked.has(id)).flatMap((situation) => situation.robots));
   const grouped = advisoriesBySituation();
   const known = floors().find((each) => each.id === floor);
@@ -156,7 +156,7 @@ function draw(at) {
 function tabs() {
   const known = floors(), counts = new Map();
   const worst = new Map();
-  for (const { location, severity } of mostUrgentFirst(open().filter(needsSomebody), shown.atS, vendors.people).reverse()) {
+  for (const { location, severity } of mostUrgentFirst(open().filter(needsSomebody)).reverse()) {
     counts.set(location?.datum, (counts.get(location?.datum) ?? 0) + 1);
     worst.set(location?.datum, severity);
   }
@@ -209,7 +209,7 @@ function list() {
   tabs();
   cards.show(listed, ended(), {
     nowS: listedS, chosen, visited: viewBefore?.of, floorName, floorShown: floor, past: shown.isPast, behind: (id) => grouped.get(id) ?? [], advice: shown.advice,
-    colour: (vendor) => vendors.colour(vendor, root.dataset.theme), people: vendors.people,
+    colour: (vendor) => vendors.colour(vendor, root.dataset.theme),
   });
   const over = listed.length - lasting.length + ended().length;
   setText($("count"), lasting.length || over ? `(${[lasting.length, ...(over ? [`${over} over`] : [])].join(", ")})` : "");
@@ -220,17 +220,17 @@ function list() {
   setText($("none"), nothing(lasting.length));
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
-  if ($("machines").open) lines($("machines-lines"), others, listedS, vendors.people);
+  if ($("machines").open) lines($("machines-lines"), others);
   const known = [...shown.robots.values()], here = onFloor();
-  for (const robot of known) vendors.indexOf(robot.vendor);
+  vendors.note(known);
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);
-  vendors.legend($("legend"), root.dataset.theme, swatch, vendors.counted(here));
+  vendors.legend($("legend"), root.dataset.theme, swatch, counted(here));
   const keepClear = $("keep-clear");
   keepClear.hidden = !site.areas.some((area) => area.floor === floor && area.keep_clear);
   hatchSign(keepClear.firstElementChild, getComputedStyle(keepClear).color);
   $("nothing").hidden = here.length > 0;
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
-  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${vendors.counted(here)}, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
+  $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${counted(here)}, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   setText($("vendors-title"), shown.isPast ? "Vendors now" : "Vendors");
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
   vendors.mending($("to-mend"), live.health);
@@ -260,10 +260,10 @@ function announce(situation, before, isNow = false) {
   if (situation.state === "cleared") chosen = chosen === situation.id ? null : chosen;
   else if (!shown.isPast && (isNow || live.nowS() - seconds(situation.updated_at) < NEWS_S) && !(situation.acknowledgement && situation.severity !== "critical")) {
     const { first, then } = toDo(situation, live.nowS());
-    const text = `${severityOf(situation)}: ${title(situation, vendors.people)}. ${what(situation)}. ${first || then}`;
+    const text = `${severityOf(situation)}: ${title(situation)}. ${what(situation)}. ${first || then}`;
     if (isDue(situation) && !(before && isDue(before))) {
       $("say").textContent = text;
-      alarm.raise(title(situation, vendors.people), `${what(situation)}. ${first || then}`);
+      alarm.raise(title(situation), `${what(situation)}. ${first || then}`);
     }
     else if (!before) $("say-politely").textContent = text;
   }
@@ -340,7 +340,7 @@ function fit() {
 
 // Acknowledges with one key: the situation with the focus, else the chosen one, else the most urgent that nobody has taken.
 function acknowledgeByKey() {
-  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = mostUrgentFirst(open(), shown.atS, vendors.people);
+  const focused = document.activeElement?.closest(".card")?.dataset.id, listed = mostUrgentFirst(open());
   const situation = listed.find(({ id }) => id === focused) ?? listed.find(({ id }) => id === chosen) ?? listed.find(({ acknowledgement }) => !acknowledgement);
   acknowledgeOpen(situation);
 }
@@ -393,7 +393,7 @@ async function begin() {
   }
   $("site").textContent = document.title = site.name;
   vendors.order(site.vendors.map((vendor) => vendor.name));
-  for (const kind of ["person", "driven"]) vendors.ofKind.set(kind, new Set(site.vendors.filter(({ participant }) => participant === kind).map(({ name }) => name)));
+  vendors.usual = new Map(site.vendors.map(({ name, participant }) => [name, participant]));
   list();
   openMoment();
 }
@@ -414,7 +414,7 @@ const preferredTheme = () => remembered("theme") ?? (darkness.matches ? "dark" :
 darkness.onchange = () => { setTheme(preferredTheme()); list(); };
 setTheme(preferredTheme());
 new Costs(floorName, (datum, x, y) => { lookAt(datum, [[x, y]]); list(); });
-new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum));
+new Shift(floorName, (datum) => [...(floors().find(({ id }) => id === datum)?.marks ?? []), ...site.places.filter((place) => place.floor === datum).map(centre)], (datum) => site.areas.filter((area) => area.floor === datum), () => counted([...live.robots.values()]));
 begin();
 setInterval(readHeat, HEAT_MS);
 readExits();

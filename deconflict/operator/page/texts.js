@@ -7,9 +7,12 @@ export const KINDS = {
   meeting: "Two robots meet", head_on: "Head-on", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
   blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
 };
-// What a situation is, in the fewest words. `people` are vendors.
-export function title(situation, people) {
-  return situation.situation_kind === "meeting" && isWithPerson(situation, people) ? "A robot meets a person" : KINDS[situation.situation_kind];
+// What a situation is, in the fewest words.
+export function title({ situation_kind: kind, participants = [] }) {
+  const others = new Set(participants.filter((each) => each !== "person")), isMixed = others.size > 0 && participants.includes("person");
+  if (kind !== "meeting" || !(isMixed || others.has("driven"))) return KINDS[kind];
+  if (!isMixed) return others.has("robot") ? "A robot meets a vehicle" : "Two vehicles meet";
+  return others.has("robot") ? "A robot meets a person" : "A vehicle meets a person";
 }
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
 // What a robot should do, in the fewest words: "wait 12 s", "back out to Lift 1".
@@ -18,10 +21,9 @@ export function order({ action, seconds: forS, speed_mps: speed, where }) {
   return `${ACTIONS[action]}${amount}${where && ["wait", "back_out"].includes(action) ? ` ${where}` : ""}`;
 }
 
-export const FAR_S = 90; // what begins later stands behind what begins sooner, and is marked on the map only if somebody picks it
+export const FAR_S = 90; // what begins later is marked on the map only if somebody picks it
 const BEGUN_S = 4; // what began longer ago has the time since then
 const CHANGED_S = 15; // advice is new for so long
-const COST_STEP_S = 15;
 const LONG_S = 120; // what is open for longer has the time of day since when it is
 
 export function clock(atS) {
@@ -77,12 +79,13 @@ export function toDo({ advice, ends, people_wait_for: first }, nowS) {
   return { first: "", then: `${WAITING[first] ?? `Nothing to do now. It ends ${ends}.`}${programs}` };
 }
 
-// Who has it done, and why by these robots. `isPerson(vendor)` is whether a vendor's robots are people.
-export function by({ advice, robots, vendors }, isPerson) {
+// Who has it done, and why by these robots.
+export function by({ advice, robots, vendors, participants = [] }) {
   if (!advice?.for_people) return "";
   const asked = advice.actions.filter(({ action }) => !["go_first", "look"].includes(action)), vendorOf = new Map(robots.map((uuid, i) => [uuid, vendors[i]]));
-  const drivers = [...new Set(asked.map(({ robot }) => vendorOf.get(robot)))], controls = drivers.filter((vendor) => vendor && !isPerson(vendor));
-  const who = [controls.length ? `by the fleet control of ${controls.join(" and ")}, or by hand at the robot` : "", ...drivers.filter((vendor) => vendor && isPerson(vendor)).map((vendor) => `tell ${vendor}`)];
+  const isPerson = ({ robot }) => participants[robots.indexOf(robot)] === "person", vendorsOf = (actions) => [...new Set(actions.map(({ robot }) => vendorOf.get(robot)))].filter(Boolean);
+  const controls = vendorsOf(asked.filter((action) => !isPerson(action))), people = vendorsOf(asked.filter(isPerson));
+  const who = [controls.length ? `by the fleet control of ${controls.join(" and ")}, or by hand at the robot` : "", ...people.map((vendor) => `tell ${vendor}`)];
   const why = asked.filter(({ reason }) => reason).map(({ name, robot, reason }) => `Why ${short(name, vendorOf.get(robot) ?? "")}: ${reason}.`);
   return [...who.filter(Boolean).map((text) => `${sentence(text)}.`), ...why].join(" ");
 }
@@ -123,6 +126,14 @@ export function since(situation, nowS) {
 
 export function sentence(text) { return text.charAt(0).toUpperCase() + text.slice(1); }
 
+export const NOUNS = new Map([["robot", ["robot", "robots"]], ["person", ["person", "people"]], ["driven", ["driven vehicle", "driven vehicles"]]]);
+
+// How many robots, people and driven vehicles there are: "45 robots, 15 people, 4 driven vehicles".
+export function counted(robots) {
+  const groups = Map.groupBy(robots, ({ participant }) => participant), kinds = [...NOUNS].filter(([kind]) => kind === "robot" || groups.has(kind));
+  return kinds.map(([kind, [one, many]]) => { const count = groups.get(kind)?.length ?? 0; return `${count} ${count === 1 ? one : many}`; }).join(", ");
+}
+
 export function plural(count, noun) { return `${count} ${noun}${count === 1 ? "" : "s"}`; }
 
 // The probability that a silent robot is still there; empty if it is certain.
@@ -135,25 +146,12 @@ export function short(name, vendor) {
   return name.toLowerCase().startsWith(`${vendor.toLowerCase()} `) ? name.slice(vendor.length + 1) : name;
 }
 
-// In the order at a time: what is over last, the most severe first, of these first what is between a person on foot and a
-// vehicle, what is far ahead after the rest, then what can still be prevented, then what costs most. `people` are vendors.
-export function mostUrgentFirst(revisions, nowS, people) {
-  const ranked = revisions.map((revision) => {
-    const begins = seconds(revision.predicted_at);
-    return { revision, ranks: [isOver(revision), SEVERITIES.indexOf(revision.severity), !isWithPerson(revision, people), begins - nowS > FAR_S, isLost(revision), -cost(revision), begins] };
-  });
-  return ranked.sort(compare).map(({ revision }) => revision);
+// In their order, which the service gives.
+export function mostUrgentFirst(situations) {
+  return situations.toSorted((a, b) => compare(a.order ?? [], b.order ?? []) || (a.id < b.id ? -1 : 1));
 }
-
-function isWithPerson({ vendors }, people) { return vendors.some((vendor) => people.has(vendor)) && !vendors.every((vendor) => people.has(vendor)); }
 
 function compare(a, b) {
-  const at = a.ranks.findIndex((rank, i) => rank !== b.ranks[i]);
-  return at < 0 ? (a.revision.id < b.revision.id ? -1 : 1) : a.ranks[at] - b.ranks[at];
+  const at = a.findIndex((number, i) => number !== b[i]);
+  return at < 0 ? 0 : a[at] - (b[at] ?? 0);
 }
-
-// Whether people can prevent nothing of it any more.
-function isLost({ preventable_s: s }) { return s === null; }
-
-// The seconds that robots are expected to lose, in steps, so that cards do not change places for a second.
-function cost({ cost_s: s }) { return Math.round((s ?? 0) / COST_STEP_S); }

@@ -32,7 +32,7 @@ class LiveSituations:
 
     def __init__(self, site: Site, store: Store, publisher: Publisher) -> None:
         self._store, self._publisher = store, publisher
-        self._people = PeopleLast(site)
+        self._people = PeopleLast()
         self._situations = SituationPublisher(PlaceNames.of(site).describe, self._people)
         self._is_restored = False
         """Whether it continues what the store had open. The store is read before the first pass."""
@@ -52,7 +52,6 @@ class LiveSituations:
         names = await asyncio.to_thread(PlaceNames.of, site)
         await self.settled()
         self._situations.renew(names.describe)
-        self._people.renew(site)
 
     async def publish(self, revisions: Iterable[AnyRevision]) -> None:
         """Publish revisions of advisories and of advice, with the ids of their situations.

@@ -6,6 +6,7 @@ from typing import Any
 
 from deconflict.settings.importers.site_questions import SiteAnswers
 from deconflict.settings.importers.toml_values import toml_value
+from deconflict_client.participant_kinds import NOUNS
 from ingest.languages.visible_text import visible
 
 RobotDocument = Mapping[str, Any]
@@ -87,8 +88,9 @@ def _vendor_lines(
     yield from ("", "[[vendors]]", f"name = {toml_value(vendor)}")
     if are_people:
         yield 'participant = "person"'
-    counted = "1 robot was" if len(robots) == 1 else f"{len(robots) or 'No'} robots were"
-    yield f"# {counted} heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
+    singular, plural = NOUNS["person" if are_people else "robot"]
+    heard = f"1 {singular} was" if len(robots) == 1 else f"{len(robots) or 'No'} {plural} were"
+    yield f"# {heard} heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
     makers = sorted({maker for robot in robots if (maker := _identity(robot, "manufacturerName"))} - {vendor})
     if makers:
         yield f"manufacturers = {toml_value(makers)}"

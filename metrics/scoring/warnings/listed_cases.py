@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from math import floor
 from typing import Any
 
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Pair
 from ingest.languages import timestamps
 from metrics.scoring.warnings.judged_alerts import JudgedAlert, JudgedCases, JudgedOnset
@@ -25,6 +26,8 @@ class LogNames:
     """By robot that has reported its position."""
     name_of: dict[str, str] = field(default_factory=dict)
     """Display name of each of these robots."""
+    participant_of: dict[str, ParticipantKind] = field(default_factory=dict)
+    """What each of these robots stands for."""
     floors: Sequence[str] = ()
     """Floor ids by the index that batches use."""
     floor_names: Mapping[str, str] = field(default_factory=dict)

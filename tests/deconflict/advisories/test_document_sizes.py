@@ -8,7 +8,7 @@ import pytest
 
 from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, finding_key
+from deconflict.advisories.finding_lifecycle import Finding, FindingLifecycle, NamedRobot, finding_key
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import RevisionWords, Spot, words
 from deconflict.settings.site import Conflict
@@ -86,7 +86,7 @@ def plan(robots: tuple[str, ...]) -> Recommendation:
 
 def raised(finding: Finding, name: str = USUAL_NAME) -> AnyAdvisory:
     lifecycle = FindingLifecycle(3.0)
-    looks = [lifecycle.revise(NOW_S + second, [finding], lambda _: (name, "Alder")) for second in range(2)]
+    looks = [lifecycle.revise(NOW_S + second, [finding], lambda _: NamedRobot(name, "Alder")) for second in range(2)]
     (advisory,) = looks[1]
     return advisory
 
@@ -134,7 +134,7 @@ def test_the_order_of_what_is_left_out_makes_no_revision() -> None:
     revisions = []
     for second in range(30):
         found = blockage(UUIDS[:50] + orders[second % 2](UUIDS[50:-1]))
-        revisions += lifecycle.revise(NOW_S + second, [found], lambda _: (USUAL_NAME, "Alder"))
+        revisions += lifecycle.revise(NOW_S + second, [found], lambda _: NamedRobot(USUAL_NAME, "Alder"))
     assert [revision.state.value for revision in revisions] == ["raised"]
 
 
@@ -142,7 +142,7 @@ def test_a_long_ring_is_the_same_finding_after_a_restart() -> None:
     advisory = raised(ring(220))
     assert isinstance(advisory, DeadlockAdvisory)
     resumed = FindingLifecycle(3.0, [advisory])
-    assert resumed.revise(NOW_S + 60, [ring(220)], lambda _: (USUAL_NAME, "Alder")) == []
+    assert resumed.revise(NOW_S + 60, [ring(220)], lambda _: NamedRobot(USUAL_NAME, "Alder")) == []
     whole = advisory.model_copy(update={"robots": UUIDS})
     assert finding_key(whole) == finding_key(advisory), "as an earlier release stored it"
 

@@ -5,7 +5,14 @@ from typing import Any
 
 import pytest
 
-from deconflict.advisories.finding_lifecycle import RESTORED_S, UPDATE_GAP_S, Finding, FindingAdvisory, FindingLifecycle
+from deconflict.advisories.finding_lifecycle import (
+    RESTORED_S,
+    UPDATE_GAP_S,
+    Finding,
+    FindingAdvisory,
+    FindingLifecycle,
+    NamedRobot,
+)
 from deconflict.advisories.words.words import RevisionWords
 from deconflict_client.advisory import ContentionAdvisory, Location, Severity
 from tests.helpers.saying import HALL
@@ -27,15 +34,15 @@ def finding(wait_s: float = 30.0, severity: Severity = Severity.CAUTION, in_s: f
     return Finding("contention", "c1", severity, ("a", "b"), NOW_S + in_s, here, lambda: A_QUEUE, evidence)
 
 
-def name_vendor(uuid: str) -> tuple[str, str]:
-    return uuid.upper(), "Alder"
+def named(uuid: str) -> NamedRobot:
+    return NamedRobot(uuid.upper(), "Alder")
 
 
 def run(lifecycle: FindingLifecycle, *looks: Finding | None, from_s: float = 0.0) -> list[FindingAdvisory]:
     """One look a second."""
     advisories: list[FindingAdvisory] = []
     for second, made_finding in enumerate(looks):
-        advisories += lifecycle.revise(NOW_S + from_s + second, [made_finding] if made_finding else [], name_vendor)
+        advisories += lifecycle.revise(NOW_S + from_s + second, [made_finding] if made_finding else [], named)
     return advisories
 
 

@@ -23,7 +23,7 @@ LATE = """async () => {
     const { liveStatus } = await import(new URL("page/floor/live_status.js", location));
     let fellBehind = 0, number = 0;
     const feed = { loaded: true }, states = [];
-    const live = new Live(() => { fellBehind += 1; }, (seq, atS) => { feed.completeS = atS; }, () => "");
+    const live = new Live(() => { fellBehind += 1; }, (seq, atS) => { feed.completeS = atS; });
     live.socket.onmessage = live.socket.onclose = null;
     const { now } = Date, beganMs = now(), runMs = performance.now();
     const receive = (lateS, atMs) => {

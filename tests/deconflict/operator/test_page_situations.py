@@ -375,6 +375,7 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         await until(page, "document.getElementById('shift-body').textContent.includes(': 2 situations, ')")
         body = await text(page, "#shift-body")
         assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
+        assert f"Heard now: {ROBOTS} robots." in body
         assert "They have passed" in body
         answered = await text(page, "#shift-body section:last-child tbody tr")
         assert "Kim" in answered
@@ -497,22 +498,26 @@ async def test_what_is_between_a_person_and_a_vehicle_comes_first_of_its_severit
     browser: "Browser", face: Served
 ) -> None:
     script = """async () => {
-        const { mostUrgentFirst } = await import("/page/texts.js"), { Vendors } = await import("/page/list/vendors.js");
-        const open = { kind: "situation", advisories: ["a"], predicted_at: "2026-01-01T00:00:10Z", cost_s: 0 };
-        const situation = (id, severity, ...vendors) => ({ ...open, id, severity, vendors });
-        const listed = [
-            situation("robots", "warning", "Alder", "Basalt"), situation("people", "warning", "Walkers", "Walkers"),
-            situation("mixed", "warning", "Alder", "Walkers"), situation("worst", "critical", "Alder", "Basalt"),
-        ];
-        const vendors = new Vendors();
-        vendors.ofKind.get("person").add("Walkers");
-        vendors.ofKind.get("driven").add("Forks");
-        const robots = ["Alder", "Alder", "Walkers", "Forks", "Walkers"].map((vendor) => ({ vendor }));
-        const order = mostUrgentFirst(listed, Date.parse("2026-01-01T00:00:00Z") / 1000, vendors.people);
-        return [order.map(({ id }) => id), vendors.counted(robots), vendors.counted([])];
+        const { counted, mostUrgentFirst, title } = await import("/page/texts.js");
+        const { Vendors } = await import("/page/list/vendors.js");
+        const listed = await (await fetch("/situations")).json(), vendors = new Vendors();
+        const kinds = ["robot", "robot", "person", "driven", "person"];
+        const robots = kinds.map((participant) => ({ vendor: "Alder", participant }));
+        vendors.note([...robots, { vendor: "Basalt", participant: "robot" }]);
+        const signs = vendors.names.flatMap((name) => vendors.signs(name)).map(({ text, kind }) => `${text}: ${kind}`);
+        const order = mostUrgentFirst(listed.situations.toReversed());
+        return [listed.situations, order, order.map(title), counted(robots), counted([]), signs];
     }"""
+    mixed = {"participants": ("driven", "person"), "situation_kind": "meeting"}
+    listing: list[dict[str, Any]] = [{}, {"participants": ("person", "person")}, mixed, {"severity": Severity.CRITICAL}]
+    for number, fields in enumerate(listing):
+        whole = {"severity": Severity.WARNING, **fields}
+        await face.publish(shown(number + 1, 2 * number, 2 * number + 1, **whole))
     async with opened(browser, face) as page:
-        order, counted, nobody = await page.evaluate(script)
+        listed, order, titles, counted, nobody, signs = await page.evaluate(script)
         await until(page, f"document.getElementById('counted').textContent === '{ROBOTS} robots'")
-    assert order == ["worst", "mixed", "people", "robots"]
-    assert (counted, nobody) == ("2 robots, 1 driven vehicle, 2 people", "0 robots")
+    assert [each["id"][-1] for each in listed] == ["4", "3", "1", "2"]
+    assert order == listed
+    assert titles[1] == "A vehicle meets a person"
+    assert (counted, nobody) == ("2 robots, 2 people, 1 driven vehicle", "0 robots")
+    assert signs == ["Alder, robots: robot", "Alder, people: person", "Alder, driven vehicles: driven", "Basalt: robot"]

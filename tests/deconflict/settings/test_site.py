@@ -100,6 +100,17 @@ def test_a_wrong_key_is_named_with_what_was_found_and_expected(
             "vendors.bolt.robots[0]: '1c0e7d6e-1111-4f6f-8000-000000000001' is given by vendors.acme",
         ),
         (
+            "vendors.1.participants",
+            {"person": ["a1*", "b2"], "driven": ["B2"]},
+            "vendors.bolt.participants.driven: 'b2' is given by vendors.bolt.participants.person too",
+        ),
+        (
+            "vendors.1.participants",
+            {"person": ["*a1"]},
+            "vendors.bolt.participants.person: found '*a1'; expected a UUID",
+        ),
+        ("vendors.1.participants", {"persn": ["a1"]}, "vendors.bolt.participants.persn"),
+        (
             "vendors.1.dial",
             ["10.0.0.7:3000"],
             "vendors.bolt.dial[0]: found '10.0.0.7:3000'; expected ws://HOST:PORT/PATH",

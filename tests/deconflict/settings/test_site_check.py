@@ -40,6 +40,13 @@ def test_the_verdict_on_a_file_that_is_not_understood_comes_first(tmp_path: Path
     assert text.startswith("FAILED: the site file has problems:\n  nmae: there is no such key")
 
 
+def test_what_devices_stand_for_is_listed_unless_all_are_robots(tmp_path: Path) -> None:
+    document = put(put(sound(), "vendors.1.participant", "person"), "vendors.1.participants", {"robot": ["ab*"]})
+    _, text = checked(put(document, "vendors.1.models.lift", {"participant": "driven"}), tmp_path)
+    assert "\nbolt: people; model lift: driven vehicles; 1 UUID: robots\n" in text
+    assert "people" not in checked(sound(), tmp_path)[1]
+
+
 def test_an_example_shows_which_way_round_the_map_is_applied(tmp_path: Path) -> None:
     document = put(sound(), READINGS, {name: [100 + y, 50 - x] for name, (x, y) in MARKS.items()})
     _, text = checked(document, tmp_path)

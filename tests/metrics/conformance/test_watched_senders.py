@@ -40,7 +40,7 @@ def test_a_vendor_whose_messages_are_right_has_nothing_to_mend() -> None:
     )
     assert (alder.messages, alder.heard, alder.placed, alder.compared, alder.to_mend) == (60, 1, 1, 1, ())
     assert page([alder], [], 60.0) == (
-        "Alder (VDA 5050, versions 2.0, 2.1 and 3.0): 60 messages in 60 s; 1 robots heard, 1 placed, 1 compared\n"
+        "Alder (VDA 5050, versions 2.0, 2.1 and 3.0): 60 messages in 60 s; 1 robot heard, 1 placed, 1 compared\n"
         "nothing to mend\n"
     )
 
@@ -123,7 +123,7 @@ async def test_a_running_service_is_watched(tmp_path: Path, capsys: pytest.Captu
     assert code == 1
     lines = output.splitlines()
     assert lines[0].startswith("Alder (MassRobotics")
-    assert lines[0].endswith("1 robots heard, 1 placed, 1 compared")
+    assert lines[0].endswith("1 robot heard, 1 placed, 1 compared")
     assert "rejected, not-json" in output
     (at,) = [number for number, line in enumerate(lines) if line.startswith("Basalt")]
     assert "is compared with nobody: its position names no map" in "\n".join(lines[at:])

@@ -4,7 +4,7 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from deconflict.settings.site import DEFAULT
+from deconflict.settings.site import DEFAULT, Site
 from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
@@ -36,6 +36,6 @@ def log_of_a_crossing(path: Path, *, expected: bool = True, apart_m: float = 0.0
     return path
 
 
-def scored(log: Path, clearances_m: list[float]) -> dict[str, Any]:
+def scored(log: Path, clearances_m: list[float], site: Site = DEFAULT) -> dict[str, Any]:
     reader = LogReader()
-    return replay(reader, reader.read([log]), DEFAULT, clearances_m)
+    return replay(reader, reader.read([log]), site, clearances_m)

@@ -8,10 +8,13 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from deconflict.operator.http.json_schemas import SCHEMAS
+from deconflict.settings.site import Site
 from deconflict_client.situations import REVISION
 from ingest.languages import timestamps
+from ingest.settings import Vendor
+from metrics.report.replay_summary import first_sentences
 from tests.helpers.commands import run
-from tests.helpers.saying import identity, status
+from tests.helpers.saying import identity, robot, status
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 
 STRAIGHT_ON = {0.3: (0.81, 0.29), 0.5: (0.91, 0.45)}
@@ -66,6 +69,21 @@ def test_without_encounters_there_is_no_recall_and_no_alert(tmp_path: Path) -> N
     assert (figures["encounters"], figures["alerts"], figures["censored"]) == (0, 0, 0)
     assert figures["recall"] is figures["precision"] is None
     assert figures["robot_hours"] == pytest.approx(2 * 24 / 3600)
+
+
+def test_people_are_counted_apart_and_no_robot_hour_has_them(tmp_path: Path) -> None:
+    walkers = Vendor(name="Alder", participants={"person": (robot("B-1"),), "driven": ("0*",)})
+    result = scored(log_of_a_crossing(tmp_path / "log.jsonl"), [0.3], Site(vendors=(walkers,)))
+    (figures,) = result["scores"]
+    assert result["participants"] == {"robot": 1, "person": 1}
+    assert first_sentences(result).startswith("In 0.4 minutes, 1 robot, 1 person of 1 vendor got in each other's way")
+    hours = (
+        figures["robot_hours"],
+        figures["warnings"]["robot_hours"],
+        figures["warnings"]["by_vendor"][0]["robot_hours"],
+    )
+    assert hours == pytest.approx((24 / 3600,) * 3)
+    assert figures["warnings"]["by_minute"][0]["robots"] <= 1.0
 
 
 def test_figures_are_also_by_vendor(tmp_path: Path) -> None:

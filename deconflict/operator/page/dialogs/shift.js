@@ -11,9 +11,9 @@ const ENDED = { left: "A robot left the floor", left_in_silence: "A robot is sil
 const $ = (id) => document.getElementById(id);
 
 export class Shift {
-  // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon.
-  constructor(floorName, places, areas) {
-    Object.assign(this, { floorName, places, areas, turns: new Turns() });
+  // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon. `counted()` is what is on the floors now, in words.
+  constructor(floorName, places, areas, counted) {
+    Object.assign(this, { floorName, places, areas, counted, turns: new Turns() });
     $("shift-hours").value = remembered("hours") ?? "8";
     $("shift-open").onclick = () => { $("shift").showModal(); this.read(); };
     $("shift-hours").onchange = () => { remember("hours", $("shift-hours").value); this.read(); };
@@ -39,7 +39,7 @@ export class Shift {
     const acknowledged = answers(situations), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
     const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
-      + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”.`);
+      + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”. `) + `Heard now: ${this.counted()}.`;
     $("shift-body").replaceChildren(
       text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
       table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts)),

@@ -13,8 +13,8 @@ const CATCH_UP_S = 10; // a page that does not keep up or hears nothing for so l
 const LONGEST_S = 60; // the same once this has not helped several times
 
 export function robotOf(row, floors) {
-  const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers = []] = row;
-  return { uuid, vendor, name, state, floor: floor < 0 ? null : floors[floor], basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, shape, trailers: trailers.map(([length, width, ...own]) => ({ lengthM: length, widthM: width, eventS, knots: own })) };
+  const [uuid, vendor, name, state, floor, basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, participant, shape, trailers = []] = row;
+  return { uuid, vendor, name, state, floor: floor < 0 ? null : floors[floor], basis, eventS, arrivalS, doubtM, lengthM, widthM, knots, participant, shape, trailers: trailers.map(([length, width, ...own]) => ({ lengthM: length, widthM: width, eventS, knots: own })) };
 }
 
 export function robotsOf(frame) {
@@ -23,10 +23,9 @@ export function robotsOf(frame) {
 
 export class Live {
   // `fellBehind` is called when the page begins anew, because it could not keep up or heard nothing for long. `hasPublished` is
-  // called with the number of the newest revision, and the service's time when that was the newest. `counted(robots)` says in
-  // words how many there are.
-  constructor(fellBehind, hasPublished, counted) {
-    Object.assign(this, { fellBehind, hasPublished, counted });
+  // called with the number of the newest revision, and the service's time when that was the newest.
+  constructor(fellBehind, hasPublished) {
+    Object.assign(this, { fellBehind, hasPublished });
     this.robots = new Map();
     this.health = {};
     this.tickS = 0;

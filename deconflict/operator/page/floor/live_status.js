@@ -1,6 +1,6 @@
 // What the page says about the live floor and its warnings: whether they are of now, and if not, of when.
 
-import { ago, clock, span } from "../texts.js";
+import { ago, clock, counted, span } from "../texts.js";
 
 const LIVE_S = 2; // "Live" needs a message that is younger: the service sends two a second
 const STALE_S = 3;
@@ -23,7 +23,7 @@ export function liveStatus(live, feed) {
   const reduced = { coarse: "separations are rough", near: "only near conflicts are shown" }[health.effort];
   if (reduced) return ["live", `Live, but the service can't keep up: ${reduced}`];
   if (health.delivery?.reason) return ["live", `Live, but ${health.delivery.reason}`];
-  return ["live", `Live: ${live.counted([...live.robots.values()])}`];
+  return ["live", `Live: ${counted([...live.robots.values()])}`];
 }
 
 function listOf(live, { completeS }) { return `these are the warnings of ${clock(completeS)}, ${ago(live.nowS() - completeS)}`; }

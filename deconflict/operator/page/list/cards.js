@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { SIGNS, asked, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, title, toDo, what } from "../texts.js";
+import { SEVERITIES, SIGNS, asked, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, title, toDo, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -16,7 +16,7 @@ export class Cards {
 
   // `ended` are those that were cleared lately; `behind(id)` are the advisories of a situation.
   show(open, ended, view) {
-    const [urgent, over] = [open, ended].map((situations) => mostUrgentFirst(situations, view.nowS, view.people)), sorted = this.inOrder([...urgent, ...over]), ids = new Set(sorted.map(({ id }) => id));
+    const [urgent, over] = [open, ended].map((situations) => mostUrgentFirst(situations)), sorted = this.inOrder([...urgent, ...over]), ids = new Set(sorted.map(({ id }) => id));
     const shown = this.shown = new Set([...this.isHeld() ? this.shown : [], ...urgent.slice(0, MOST_CARDS).map(({ id }) => id), view.chosen, ...over.filter(({ id }) => this.shown.has(id)).map(({ id }) => id)]);
     for (const [id, card] of this.cards) if (!ids.has(id)) this.remove(id, card);
     sorted.forEach((situation, i) => {
@@ -80,7 +80,7 @@ export class Cards {
     return card;
   }
 
-  fill(card, situation, { nowS, chosen, visited, floorName, floorShown, past, behind, advice, colour, people }) {
+  fill(card, situation, { nowS, chosen, visited, floorName, floorShown, past, behind, advice, colour }) {
     const { parts } = card, answer = situation.acknowledgement, { first, then } = toDo(situation, nowS), ended = Boolean(situation.endedMs), advisories = behind(situation.id);
     const floor = situation.location ? floorName(situation.location.datum) : "", text = what(situation);
     card.classList.remove("critical", "warning", "caution");
@@ -93,12 +93,12 @@ export class Cards {
     card.classList.toggle("calm", isCalm(situation));
     card.tabIndex = isCalm(situation) && !ended ? 0 : -1;
     setText(parts.severity, ended ? "✓ Over" : severityOf(situation));
-    setText(parts.kind, title(situation, people));
+    setText(parts.kind, title(situation));
     setText(parts.when, ended ? "" : countdown(situation, nowS));
     setText(parts.what, ended && isCalm(situation) ? `${text}: ${(situation.cleared_because ?? "")}` : text);
     setText(parts.first, ended ? "" : first);
     setText(parts.then, ended ? sentence((situation.cleared_because ?? "")) : then);
-    showText(parts.by, ended ? "" : by(situation, (vendor) => people.has(vendor)));
+    showText(parts.by, ended ? "" : by(situation));
     showText(parts.asked, ended ? "" : asked(situation, advice));
     showText(parts.changed, ended ? "" : change(situation, nowS));
     this.chips(parts.robots, situation, colour);
@@ -112,7 +112,7 @@ export class Cards {
     parts.show.hidden = !situation.location;
     parts.behind.hidden = !advisories.length;
     setText(parts.count, `${plural(advisories.length, "warning")} behind it`);
-    if (parts.behind.open) lines(parts.lines, advisories, nowS, people);
+    if (parts.behind.open) lines(parts.lines, advisories);
     card.dataset.floor = floor;
     card.dataset.kind = situation.situation_kind;
   }
@@ -147,9 +147,9 @@ export class Cards {
   }
 }
 
-// Advisories as lines of a list.
-export function lines(list, advisories, nowS, people) {
-  const texts = mostUrgentFirst(advisories, nowS, people).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
+// Advisories as lines of a list, the most severe first.
+export function lines(list, advisories) {
+  const texts = advisories.toSorted((a, b) => SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity)).map((advisory) => `${SIGNS[advisory.severity]} ${what(advisory)}`), key = texts.join("\n");
   if (list.dataset.key === key) return;
   list.dataset.key = key;
   list.replaceChildren(...texts.map((textContent) => Object.assign(part("li", ""), { textContent })));

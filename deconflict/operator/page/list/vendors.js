@@ -1,6 +1,6 @@
 // Each vendor's colour and sign, and the table with the state of the vendors.
 
-import { plural } from "../texts.js";
+import { NOUNS, plural } from "../texts.js";
 
 // Distinguishable with any of the common colour blindnesses (after Okabe and Ito), on light and on dark ground.
 const COLOURS = {
@@ -23,7 +23,8 @@ const CLOCK = { hour: "2-digit", minute: "2-digit" };
 export class Vendors {
   constructor() {
     this.names = [];
-    this.ofKind = new Map([["person", new Set()], ["driven", new Set()]]); // by kind of participant, the vendors; others have robots
+    this.usual = new Map(); // by vendor of the site, what moves unless its model or UUID says otherwise
+    this.kinds = new Map(); // by vendor, what its devices on the floors stand for
     this.healths = []; // the last `RATE_SAMPLES` healths of the service
   }
 
@@ -43,33 +44,34 @@ export class Vendors {
     return colours[this.indexOf(name) % colours.length];
   }
 
-  get people() { return this.ofKind.get("person"); }
-
-  kind(name) { return [...this.ofKind.keys()].find((kind) => this.ofKind.get(kind).has(name)) ?? "robot"; }
-
-  // How many robots, people and driven vehicles there are: "45 robots, 15 people".
-  counted(robots) {
-    const groups = Map.groupBy(robots, ({ vendor }) => this.kind(vendor)), people = groups.get("person")?.length;
-    const words = [["robot", "robot"], ["driven", "driven vehicle"]].filter(([kind]) => kind === "robot" || groups.has(kind)).map(([kind, noun]) => plural(groups.get(kind)?.length ?? 0, noun));
-    return [...words, ...(people ? [`${people} ${people === 1 ? "person" : "people"}`] : [])].join(", ");
+  // What is on the floors. A new vendor gets the next number.
+  note(robots) {
+    for (const { vendor } of robots) this.indexOf(vendor);
+    this.kinds = new Map([...Map.groupBy(robots, ({ vendor }) => vendor)].map(([vendor, own]) => [vendor, new Set(own.map(({ participant }) => participant))]));
   }
 
-  mark(name) {
-    return this.people.has(name) ? MARKS : this.indexOf(name) % MARKS;
+  // The signs of a vendor: one for each kind of its devices.
+  signs(name) {
+    const kinds = this.kinds.get(name) ?? new Set([this.usual.get(name) ?? "robot"]);
+    return [...NOUNS.keys()].filter((kind) => kinds.has(kind)).map((kind) => ({ name, kind, text: kinds.size > 1 ? `${name}, ${NOUNS.get(kind)[1]}` : name }));
+  }
+
+  mark(name, kind) {
+    return kind === "person" ? MARKS : this.indexOf(name) % MARKS;
   }
 
   // `counted` is what is on the floor, in words.
   legend(box, theme, draw, counted) {
-    const key = `${theme} ${counted} ${this.names.map((name) => `${name} ${this.mark(name)}`).join("\n")}`;
+    const signs = this.names.flatMap((name) => this.signs(name)), key = `${theme} ${counted} ${signs.map(({ kind, text }) => `${kind} ${text}`).join("\n")}`;
     if (box.dataset.key === key) return;
     box.dataset.key = key;
     const count = Object.assign(document.createElement("span"), { id: "counted", textContent: counted });
-    box.replaceChildren(count, ...this.names.map((name) => {
+    box.replaceChildren(count, ...signs.map(({ name, kind, text }) => {
       const entry = document.createElement("span"), sign = document.createElement("canvas");
       sign.width = 48;
       sign.height = 36;
-      draw(sign.getContext("2d"), this.colour(name, theme), this.mark(name), this.kind(name));
-      entry.append(sign, name);
+      draw(sign.getContext("2d"), this.colour(name, theme), this.mark(name, kind), kind);
+      entry.append(sign, text);
       return entry;
     }));
   }

@@ -121,15 +121,15 @@ export class FloorMap {
   robots(robots, scene) {
     const { pen, camera, ink } = this, by = new Map();
     for (const robot of robots) {
-      const key = `${robot.vendor}\n${robot.away || ""}`;
+      const key = `${robot.vendor}\n${robot.participant}\n${robot.away || ""}`;
       if (!by.has(key)) by.set(key, []);
       by.get(key).push(robot);
     }
     for (const group of by.values()) {
-      const [{ vendor, away }] = group;
+      const [{ vendor, participant, away }] = group;
       pen.fillStyle = away === "silent" ? ink.faint : this.vendors.colour(vendor, this.theme);
       pen.globalAlpha = away === "silent" ? 0.35 : away ? 0.6 : 1;
-      this.bodies(group, vendor, away);
+      this.bodies(group, this.vendors.mark(vendor, participant), away);
     }
     for (const robot of robots) this.decorations(robot, scene);
   }
@@ -156,13 +156,13 @@ export class FloorMap {
   // Adds a robot with its trailers to a path, `morePx` larger on each side: to scale, or the symbol of its kind.
   body(path, robot, morePx = 0) {
     const { camera } = this;
-    if (this.isSymbol(robot)) symbol(path, this.vendors.kind(robot.vendor), camera.px(robot.x), camera.py(robot.y), SYMBOL_PX * this.unit + 2 * morePx);
+    if (this.isSymbol(robot)) symbol(path, robot.participant, camera.px(robot.x), camera.py(robot.y), SYMBOL_PX * this.unit + 2 * morePx);
     else train(path, camera, robot, robot.atS, this.pose, morePx / camera.scale);
   }
 
-  // Draws the robots of one vendor in the colour that is set, with its sign.
-  bodies(group, vendor, away) {
-    const { pen, camera, ink } = this, path = new Path2D(), signs = new Path2D(), mark = this.vendors.mark(vendor);
+  // Draws robots of one vendor and kind in the colour that is set, with its sign.
+  bodies(group, mark, away) {
+    const { pen, camera, ink } = this, path = new Path2D(), signs = new Path2D();
     for (const robot of group) {
       this.body(path, robot);
       const size = this.isSymbol(robot) ? SYMBOL_PX * this.unit : Math.min(robot.widthM, robot.lengthM) * camera.scale;

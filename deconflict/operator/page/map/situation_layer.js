@@ -89,7 +89,7 @@ export class SituationLayer {
   // What nobody has to do anything about has a label only where there is room beside it.
   label(situation, nowS, picked) {
     const { pen, unit } = this.map, { id, severity, acknowledgement } = situation;
-    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${title(situation, this.map.vendors.people)}, ${countdown(situation, nowS)}`;
+    const text = `${SIGNS[severity]} ${acknowledgement ? "✓ " : ""}${title(situation)}, ${countdown(situation, nowS)}`;
     pen.font = FONT(unit);
     const { box } = this.shape(situation);
     if (!this.map.labels.inSight(box)) return null;

@@ -12,11 +12,9 @@ from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, Peop
 from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
-from deconflict.settings.site import Site
 from deconflict_client.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment
 from deconflict_client.advisory.robot_advice import RobotAdvice
 from deconflict_client.situations import Situation
-from ingest.settings import Vendor
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -117,9 +115,8 @@ def asking(situations: list[Situation]) -> list[bool]:
     return [each.advice is not None and each.advice.for_people for each in situations]
 
 
-def lifecycle(*vendors: Vendor) -> SituationLifecycle:
-    people = PeopleLast(Site(vendors=vendors))
-    return SituationLifecycle(lambda points: [Spot("in Aisle 3")] * len(points), people)
+def lifecycle() -> SituationLifecycle:
+    return SituationLifecycle(lambda points: [Spot("in Aisle 3")] * len(points), PeopleLast())
 
 
 def test_what_is_critical_for_a_person_waits_for_no_turn() -> None:
@@ -128,13 +125,13 @@ def test_what_is_critical_for_a_person_waits_for_no_turn() -> None:
         return deadlock(robots, location=place, recommendation=advice(action(robots[0], "look")))
 
     rings = [ring("ab", 0.0), ring("cd", 50.0)]
-    walkers = Vendor(name="Acme", participant="person")
+    walking = [ring.model_copy(update={"participants": ("robot", "person")}) for ring in rings]
     assert asking(lifecycle().revise(NOW_S, rings)) == [True, False]
-    assert asking(lifecycle(walkers).revise(NOW_S, rings)) == [True, True]
+    assert asking(lifecycle().revise(NOW_S, walking)) == [True, True]
 
 
 def test_what_people_were_asked_for_stands_when_a_machine_is_asked_later() -> None:
-    people = PeopleLast(Site())
+    people = PeopleLast()
     situations = SituationLifecycle(lambda points: [Spot("in Aisle 3")] * len(points), people)
     situations.revise(NOW_S, [RING])
     people.take([answered(request(1, "a", "b", 1.0), "accepted")], NOW_S + 1)

@@ -1,9 +1,11 @@
 """When situations are raised, updated, joined, split and cleared."""
 
+from datetime import timedelta
+
 from deconflict.advice.document_limits import MOST_DOCUMENT_BYTES
-from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
+from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S, is_news
 from deconflict_client.advisory import AdvisoryState, ClearedCode, EncounterClass, Severity, moment
-from deconflict_client.situations import REVISION, Situation
+from deconflict_client.situations import REVISION, Situation, most_urgent_first
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -16,6 +18,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     queue,
     raised,
 )
+from tests.helpers.made_advisories import START, situation
 
 
 def test_conflicts_that_share_a_robot_are_one_situation() -> None:
@@ -209,6 +212,15 @@ def test_a_robot_has_one_thing_to_do_in_situations_of_equal_urgency() -> None:
     situations.revise(NOW_S, [head_on("ab", recommendation=advice(action("a")))])
     situations.revise(NOW_S + 1, [head_on("ac", x_m=40.0, recommendation=advice(action("a")))])
     assert [each.advice is None for each in situations.open()] == [False, True]
+
+
+def test_what_is_far_ahead_no_more_is_news_since_it_has_another_place_in_the_order() -> None:
+    far = situation(1, predicted_at=START + timedelta(seconds=300))
+    later = far.model_copy(update={"updated_at": far.predicted_at - timedelta(seconds=91)})
+    near = far.model_copy(update={"updated_at": far.predicted_at - timedelta(seconds=89)})
+    assert not is_news(far, later)
+    assert is_news(far, near)
+    assert most_urgent_first([later, near]) == [near, later]
 
 
 def test_the_sentence_follows_the_time_left() -> None:

@@ -28,7 +28,7 @@ async def ids(face: Served, query: str = "") -> list[str]:
     return [each["id"] for each in (await got(face, f"/situations{query}"))["situations"]]
 
 
-async def test_situations_are_the_open_ones_newest_first_with_the_position_in_the_stream(face: Served) -> None:
+async def test_situations_are_the_open_ones_in_their_order_with_the_position_in_the_stream(face: Served) -> None:
     await face.publish(situation(1), made(1), situation(2), situation(3), cleared_situation(3), situation(1, 2))
     answer = await got(face, "/situations")
     assert [(each["id"], each["revision"]) for each in answer["situations"]] == [("situation-1", 2), ("situation-2", 1)]
@@ -50,6 +50,15 @@ async def test_situations_by_state_kind_severity_vendor_robot_and_limit(face: Se
     assert await ids(face, "?severity=critical") == ["situation-2"]
     assert await ids(face, "?vendor=Borealis") == ["situation-2", "situation-1"]
     assert await ids(face, f"?robot={ROBOTS[1].upper()}") == ["situation-2", "situation-1"]
+
+
+async def test_the_most_urgent_of_all_that_are_open_are_listed_and_of_others_the_newest(face: Served) -> None:
+    mixed: dict[str, Any] = {"participants": ("robot", "person"), "severity": Severity.CRITICAL}
+    await face.publish(situation(1, **mixed), situation(2, severity=Severity.CRITICAL), situation(3))
+    answer = await got(face, "/situations?limit=2")
+    assert ([each["id"] for each in answer["situations"]], answer["more"]) == (["situation-1", "situation-2"], True)
+    assert await ids(face) == ["situation-1", "situation-2", "situation-3"]
+    assert await ids(face, "?state=all") == ["situation-3", "situation-2", "situation-1"]
 
 
 @pytest.mark.parametrize("query", ["kind=conflict", "severity=high", "limit=0"])

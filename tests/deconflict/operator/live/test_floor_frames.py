@@ -46,6 +46,7 @@ def test_a_row_has_the_poses_of_the_batch(fleet: Fleet) -> None:
     expected = np.stack([forecasts.t_s - batch.event_s[0], forecasts.x_m, forecasts.y_m, forecasts.yaw_rad], axis=1)
     assert np.abs(knots - expected).max() < 0.006
     assert row[9:11] == [forecasts.length_m[0], forecasts.width_m[0]]
+    assert row[12] == "robot"
 
 
 def test_a_row_has_the_shape_of_a_robot_that_is_no_rectangle() -> None:
@@ -56,8 +57,8 @@ def test_a_row_has_the_shape_of_a_robot_that_is_no_rectangle() -> None:
     picture = FloorFrames()
     picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     rows = {row[0]: row for row in frame(picture, 0)["robots"]}
-    assert rows[robot("A-1")][12:] == [[[0.4, 0.0, 0.0]], []]
-    assert rows[robot("B-1")][12:] == []
+    assert rows[robot("A-1")][13:] == [[[0.4, 0.0, 0.0]], []]
+    assert rows[robot("B-1")][13:] == []
 
 
 def test_a_row_has_the_trailers_of_a_train_along_its_path() -> None:
@@ -68,7 +69,7 @@ def test_a_row_has_the_trailers_of_a_train_along_its_path() -> None:
     picture = FloorFrames()
     picture.add_batch(fleet.next_batch(NOW_S), whole=True)
     (row,) = frame(picture, 0)["robots"]
-    shape, (first, second) = row[12:]
+    shape, (first, second) = row[13:]
     assert shape == []
     assert (first[:2], second[2:6], second[-4:]) == ([1.2, 0.8], [0.0, -1.0, 1.0, 0.0], [10.0, 9.0, 1.0, 0.0])
 
