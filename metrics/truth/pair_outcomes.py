@@ -45,6 +45,13 @@ class Verdict(IntEnum):
 IN_VAIN = (Verdict.KEPT_APART, Verdict.ORDERED, Verdict.REPEATED)
 
 
+def outcome_of(verdict: Verdict) -> str:
+    """What came of a warning, in the words that people read."""
+    if verdict is Verdict.TRUE:
+        return "came_true"
+    return "in_vain" if verdict in IN_VAIN else "not_judged"
+
+
 class OutcomeSpan(NamedTuple):
     """A time in which two robots are in each other's way, or one waits for the other."""
 

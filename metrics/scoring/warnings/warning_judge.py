@@ -14,11 +14,10 @@ from metrics.monitoring.warning_queries import OUTCOMES
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.scoring.warnings.judged_alerts import JudgedAlert, JudgedOnset, add_revision, judged
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
-from metrics.scoring.warnings.warning_quality import outcome_of
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
-from metrics.truth.pair_outcomes import FRESH_S, WITHIN_S, AllPairOutcomes
+from metrics.truth.pair_outcomes import FRESH_S, WITHIN_S, AllPairOutcomes, outcome_of
 
 QUIET_S = WITHIN_S + FRESH_S + 15.0
 """Reports of an event arrive, and a robot is seen to yield, within the last part of it."""

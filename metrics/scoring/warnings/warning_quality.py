@@ -14,21 +14,12 @@ here, so that one word has one figure.
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from metrics.truth.pair_outcomes import IN_VAIN, Verdict
-
 NOT_JUDGED = {
     "heeded": "followed advice",
     "in_progress": "came after the beginning",
     "unknown": "had no known outcome",
 }
 """The counts that are not judged, each with what it says of a warning."""
-
-
-def outcome_of(verdict: Verdict) -> str:
-    """Which of `warning_queries.OUTCOMES` a warning has."""
-    if verdict is Verdict.TRUE:
-        return "came_true"
-    return "in_vain" if verdict in IN_VAIN else "not_judged"
 
 
 def not_judged(counts: Mapping[str, Any]) -> int:
