@@ -169,8 +169,8 @@ def figures(surfaces: Surfaces) -> dict[str, dict[str, Figure]]:
         },
     }
     for name, value in zip(("came_true", "in_vain", "not_judged"), quality[7:10], strict=True):
-        said = name.replace("_", " ")
-        table[said] = {"JSON": value, "HTML": html[said], "Grafana": grafana[f"{warnings} {name}"]}
+        words = name.replace("_", " ")
+        table[words] = {"JSON": value, "HTML": html[words], "Grafana": grafana[f"{warnings} {name}"]}
     return table
 
 

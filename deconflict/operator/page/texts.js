@@ -157,3 +157,9 @@ function isLost({ preventable_s: s }) { return s === null; }
 
 // The seconds that robots are expected to lose, in steps, so that cards do not change places for a second.
 function cost({ cost_s: s }) { return Math.round((s ?? 0) / COST_STEP_S); }
+
+// Each cell of a table says of which column it is: on a phone the cells of a row stand below each other.
+export function titled(table) {
+  const heads = [...table.tHead.rows[0].cells].map(({ textContent }) => textContent.trim());
+  for (const row of table.tBodies[0].rows) [...row.cells].forEach((cell, at) => { if (cell.colSpan === 1) cell.dataset.head = heads[at]; });
+}
