@@ -473,7 +473,7 @@ async def test_a_card_of_many_robots_fits_a_phone(browser: "Browser", face: Serv
         await page.screenshot(path=PICTURES / "phone-situations.png", full_page=True)
 
 
-CUT = """() => [...document.querySelectorAll("table")].flatMap((table) => [...table.querySelectorAll("tbody :is(td, th)")])
+CUT = """() => [...document.querySelectorAll("table tbody :is(td, th)")]
     .filter((cell) => cell.getClientRects().length && (cell.getBoundingClientRect().right > innerWidth
         || cell.scrollWidth > cell.clientWidth + 1)).map((cell) => cell.textContent)"""
 """The cells of tables that are not wholly on the screen."""

@@ -64,7 +64,9 @@ def test_a_queue_for_one_of_several_places_is_likely_and_names_them() -> None:
         "probability": 0.8,
     }
     summary = raised([queue("abc", **chargers)]).summary
-    assert summary.startswith("2 robots will probably have to wait for one of Charger 1, Charger 2, Charger 3 and 5 others in")
+    assert summary.startswith(
+        "2 robots will probably have to wait for one of Charger 1, Charger 2, Charger 3 and 5 others in"
+    )
     assert summary.endswith("; 3 robots need one")
 
 

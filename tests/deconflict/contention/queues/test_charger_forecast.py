@@ -113,7 +113,7 @@ def test_a_taken_charger_is_a_shortage_for_a_robot_that_needs_it() -> None:
 
 
 def test_full_chargers_are_one_line_that_names_them() -> None:
-    robots = {"A": inside(C1), "B": inside(C2), "C": stands(20, at(24.0), 600.0)}
+    robots: dict[str, Script] = {"A": inside(C1), "B": inside(C2), "C": stands(20, at(24.0), 600.0)}
     (advisory,) = told_of(Scene(site(C1, C2), robots), 15)
     assert advisory.resources == ("c1", "c2")
     assert advisory.resource_name == "one of c1 and c2"
