@@ -7,7 +7,6 @@ before, but not on another engine. The parts are joined to the result that one p
 import argparse
 import logging
 import os
-import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +23,7 @@ from urllib.parse import urlsplit
 
 from deconflict.operator.blackbox.start_state import StartState, head_of, start_of
 from deconflict.runtime.command_parsers import positive
-from deconflict.runtime.worker_process import end_with_parent
+from deconflict.runtime.worker_process import end_with_command
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader
 from ingest.security.origin_check import is_loopback
@@ -139,7 +138,7 @@ def _joined(parts: Sequence[Outcome]) -> Outcome:
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    pool = ProcessPoolExecutor(jobs, FORK, _prepare_worker)
+    pool = ProcessPoolExecutor(jobs, FORK, end_with_command)
     try:
         yield pool
     except BrokenProcessPool as error:
@@ -149,11 +148,6 @@ def _pool(jobs: int) -> Iterator[Executor]:
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _prepare_worker() -> None:
-    end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # whoever interrupts the command needs no traceback of each process
 
 
 @contextmanager

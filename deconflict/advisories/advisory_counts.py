@@ -10,9 +10,10 @@ from ingest.measures.measures import Measures
 OUTCOMES: dict[ClearedCode | None, str] = {
     ClearedCode.PASSED: "met",
     ClearedCode.BOTH_STAND: "met",
+    ClearedCode.GAVE_WAY: "gave_way",
     ClearedCode.UNPREDICTED: "not_met",
 }
-"""By reason of clearing, whether the robots came within the clearance; "left" for all other reasons."""
+"""By reason of clearing, how a conflict ended; "left" for all other reasons."""
 NEAR_MISSES = "deconflict_near_misses_total"
 ADVISORY_METRICS = ("deconflict_advisories_total", "deconflict_advisories_open", "deconflict_conflicts_ended_total")
 """What the two functions below that take `measures` write."""

@@ -70,7 +70,7 @@ def shortage(geometry: PlaceGeometry, pool: ChargerShortage, robots: Mapping[str
         ),
         evidence={
             "resource": first,
-            "resource_name": chargers if len(pool.chargers) == 1 else f"one of {len(pool.chargers)} chargers",
+            "resource_name": chargers if len(pool.chargers) == 1 else f"one of {chargers}",
             "capacity": pool.capacity,
             "demand": demand,
             "queue_length": max(demand - pool.capacity, 1),

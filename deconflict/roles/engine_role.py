@@ -5,10 +5,11 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from typing import Protocol, cast
 
 from deconflict.advice.deferred_answers import Answer
 from deconflict.engine.engine import Engine
@@ -25,8 +26,8 @@ from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
-from deconflict_client.advisory import Recommendation
-from ingest.batch import Batch, Floats
+from deconflict_client.advisory import AnyAdvisory, Recommendation
+from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
 
 EVERYTHING = b"everything"
@@ -42,12 +43,44 @@ NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="
 log = logging.getLogger(__name__)
 
 
+class PassJudge(Protocol):
+    """Judges warnings by what happened later."""
+
+    def add(
+        self,
+        now_s: float,
+        batch: Batch,
+        bands_m: Floats,
+        revisions: Iterable[AnyAdvisory],
+        waiting: Iterable[str | Pair],
+    ) -> None:
+        """Add a pass: what the engine received and published, the errors that it expected of the forecasts, and who
+        does as advised."""
+
+    def begin_anew(self) -> None:
+        """Forget what is not judged yet."""
+
+
+MakeJudge = Callable[[float, float, Measures], PassJudge]
+"""Makes a judge for a clearance, and the margin at which a pair has drawn apart, that counts in these measures."""
+
+
 class EngineRole:
     """Runs the engine. It waits for no network and no disk: a thread of its own delivers the decisions."""
 
-    def __init__(self, site: Site, runtime: Path, *, is_first: bool = False, ended_early: str = "") -> None:
+    def __init__(
+        self,
+        site: Site,
+        runtime: Path,
+        *,
+        is_first: bool = False,
+        ended_early: str = "",
+        make_judge: MakeJudge | None = None,
+    ) -> None:
         """If `is_first`, no engine of this service ran before, and messages that came earlier count for no latency.
-        `ended_early` is `role_files.early_end` of the engine before: this one starts without the learned state."""
+        `ended_early` is `role_files.early_end` of the engine before: this one starts without the learned state. Without
+        `make_judge` nobody judges the warnings."""
+        self._make_judge, self._judge = make_judge, cast(PassJudge | None, None)
         self._is_first, self._ended_early = is_first, ended_early
         self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
@@ -77,6 +110,7 @@ class EngineRole:
 
     def _run_engine(self, engine: Engine, stop: threading.Event, beat: Callable[[int], object]) -> None:
         request = EVERYTHING
+        self._judge = self._judge_of(engine)
         while not stop.is_set():
             beat(LONG_SILENCE_LIMIT_S if request == EVERYTHING else SILENCE_LIMIT_S)
             if not self._delivery.has_room():
@@ -92,8 +126,10 @@ class EngineRole:
                 stop.wait(RETRY_S)
                 continue
             arrived_s = {} if self._is_first else arrivals_s(batch, time.time())
-            self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            bands_m = engine.foresight.ledger.bands_of(batch)
+            revisions = self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
             self._advise(engine, batch.now_s)
+            self._judge_pass(engine, batch, bands_m, revisions)
             if canary:
                 self._delivery.add_canary(judged(canary))
             self._is_first = False
@@ -101,6 +137,7 @@ class EngineRole:
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
+                self._judge = self._judge_of(engine)
         self._delivery.keep(engine.learned())
 
     def _restored_engine(self, stop: threading.Event) -> Engine | None:
@@ -155,8 +192,8 @@ class EngineRole:
 
     def _run_pass(
         self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool
-    ) -> None:
-        """One pass of the engine. `timed` is whether it counts for the deadline."""
+    ) -> list[AnyAdvisory]:
+        """One pass of the engine, and its revisions. `timed` is whether it counts for the deadline."""
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
@@ -176,6 +213,25 @@ class EngineRole:
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
             self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+        return revisions
+
+    def _judge_of(self, engine: Engine) -> PassJudge | None:
+        conflict = engine.site.conflict
+        return self._make_judge and self._make_judge(conflict.clearance_m, conflict.clear_margin_m, engine.measures)
+
+    def _judge_pass(self, engine: Engine, batch: Batch, bands_m: Floats, revisions: list[AnyAdvisory]) -> None:
+        """Let the judge see a pass that is delivered, if there is time for it. No fault of it ends the engine."""
+        if self._judge is None:
+            return
+        try:
+            if self._load.effort > Effort.FULL:
+                self._judge.begin_anew()
+            else:
+                waiting = engine.foresight.following_advice(batch.now_s)
+                self._judge.add(batch.now_s, batch, bands_m, revisions, waiting)
+        except Exception:
+            log.exception("warnings can't be judged, which should be reported; they are judged anew")
+            self._judge = self._judge_of(engine)
 
     def _advise(self, engine: Engine, now_s: float) -> None:
         """Ask robots for what saves time."""

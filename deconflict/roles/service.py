@@ -23,7 +23,7 @@ from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.site import Site
 
 if TYPE_CHECKING:
-    from deconflict.roles.engine_role import EngineRole
+    from deconflict.roles.engine_role import EngineRole, MakeJudge
     from deconflict.roles.operator_role import OperatorRole
     from deconflict.roles.receiver_role import ReceiverRole
 
@@ -44,7 +44,11 @@ def runtime_directory() -> tempfile.TemporaryDirectory[str]:
 
 @asynccontextmanager
 async def run_in_one_process(
-    site: Site, data: Path, exposition: Exposition, wall: Callable[[], float] = time.time
+    site: Site,
+    data: Path,
+    exposition: Exposition,
+    wall: Callable[[], float] = time.time,
+    make_judge: "MakeJudge | None" = None,
 ) -> AsyncIterator[tuple["ReceiverRole", "OperatorRole"]]:
     """Run the three roles on one event loop, the engine on a thread of its own: for tests and small runs."""
     from deconflict.roles.operator_role import OperatorRole  # noqa: PLC0415 - each role loads only itself
@@ -55,7 +59,7 @@ async def run_in_one_process(
         data.mkdir(parents=True, exist_ok=True)
         operator = OperatorRole(site, runtime, data, exposition)
         receiver = ReceiverRole(site, runtime, data / "log", wall)
-        engine = _engine_role(site, runtime)
+        engine = _engine_role(site, runtime, make_judge)
         async with asyncio.TaskGroup() as roles:
             roles.create_task(operator.run(stop))
             roles.create_task(receiver.run(stop))
@@ -77,14 +81,17 @@ def load_role(runtime: Path, role: str, beat: Callable[[], None]) -> None:
         _async_class(role)
 
 
-def run_role(role: str, runtime: Path, data: Path, exposition: Exposition) -> None:
-    """Run one role as a process of its own, until the supervisor closes standard input."""
+def run_role(
+    role: str, runtime: Path, data: Path, exposition: Exposition, make_judge: "MakeJudge | None" = None
+) -> None:
+    """Run one role as a process of its own, until the supervisor closes standard input. `make_judge` judges the
+    warnings of an engine of a single machine."""
     site = _site(runtime)
     heartbeat = Heartbeat()
     if _has_no_event_loop(role, site):
         ended = threading.Event()
         heartbeat.at_end(ended.set)
-        _engine_role(site, runtime).run(ended, heartbeat.beat)
+        _engine_role(site, runtime, make_judge).run(ended, heartbeat.beat)
         return
     asyncio.run(_run_async_role(role, site, runtime, data, exposition, heartbeat))
 
@@ -98,16 +105,17 @@ def _site(runtime: Path) -> Site:
     return Site.model_validate_json((runtime / SITE_FILE).read_text())
 
 
-def _engine_role(site: Site, runtime: Path) -> "EngineRole":
+def _engine_role(site: Site, runtime: Path, make_judge: "MakeJudge | None") -> "EngineRole":
     is_first, ended_early = restarts(runtime).get("engine") == 0, early_end(runtime, "engine")
-    return _engine_class(runtime)(site, runtime, is_first=is_first, ended_early=ended_early)
+    role = _engine_class(runtime)
+    return role(site, runtime, is_first=is_first, ended_early=ended_early, make_judge=make_judge)
 
 
 def _engine_class(runtime: Path, beat: Callable[[], object] = lambda: None) -> type["EngineRole"]:
     from ingest.kernels import before_compiling  # noqa: PLC0415 - loads numba
 
     progress = PreparationProgress(runtime, beat)
-    with before_compiling(partial(compile_kernels, ("deconflict",), progress.report)):
+    with before_compiling(partial(compile_kernels, ("deconflict", "metrics"), progress.report)):
         from deconflict.roles.engine_role import EngineRole  # noqa: PLC0415 - loads kernels
     progress.end()
     return EngineRole

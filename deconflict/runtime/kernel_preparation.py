@@ -44,10 +44,12 @@ def compile_kernels(packages: Iterable[str], report: Report) -> None:
 
 
 def report_on_terminal(done: int, total: int) -> None:
-    """A `Report` for people; in a file only the beginning and the end."""
-    if not sys.stderr.isatty() and 0 < done < total:
-        return
-    sys.stderr.write(f"\rcompiling kernels, once on this machine: {done} of {total}" + "\n" * (done == total))
+    """A `Report` for people: one line that changes on a terminal; in a file a line at the beginning and at the end."""
+    line = f"compiling kernels, once on this machine: {done} of {total}"
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r{line}" + "\n" * (done == total))
+    elif done in (0, total):
+        sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
 

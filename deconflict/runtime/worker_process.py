@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context, parent_process
@@ -71,6 +72,12 @@ def prepare_worker() -> None:
 def end_with_parent() -> None:
     """Let this worker process end as soon as its parent has ended, however that did."""
     Thread(target=_exit_with_parent, daemon=True).start()
+
+
+def end_with_command() -> None:
+    """Let this worker process end with the command that it works for, and as quietly if somebody interrupts that."""
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _exit_with_parent() -> None:

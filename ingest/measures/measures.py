@@ -128,8 +128,8 @@ class Measures:
         """Replace all series of a level, so that series that no longer exist disappear."""
         self.values[name] = dict(series)
 
-    def observe(self, name: str, values: ArrayLike, *labels: str) -> None:
-        self.histograms[name].setdefault(labels, Histogram()).observe(values)
+    def observe(self, name: str, values: ArrayLike, *labels: str, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
+        self.histograms[name].setdefault(labels, Histogram(bounds)).observe(values)
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from metrics.monitoring.promql import increase, increase_before, level, rate, share_within, time_share
+from metrics.monitoring.warning_queries import judged, share_in_vain
 
 OBJECTIVE_S = 0.25
 """The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""
@@ -68,7 +69,6 @@ def _late(window: str) -> str:
 
 _LOST = "deconflict_lost_seconds_total"
 _MESSAGES = rate("deconflict_messages_total", "15m", VENDOR)
-_ENDED = "deconflict_conflicts_ended_total"
 _OFFSET = "deconflict_clock_offset_seconds"
 
 RECORDING_RULES = (
@@ -87,8 +87,8 @@ RECORDING_RULES = (
     ),
     *(_within(window) for window in ("5m", "30m", "1h", "6h")),
     RecordingRule(
-        "vendor:deconflict_nuisance:ratio_increase1h",
-        f"{increase(_ENDED, '1h', VENDOR, where={'outcome': 'not_met'})} / {increase(_ENDED, '1h', VENDOR)}",
+        "vendor:deconflict_in_vain:ratio_increase1h",
+        share_in_vain("1h", VENDOR),
     ),
     RecordingRule("deconflict:engine_busy:ratio_rate5m", time_share("deconflict_sweep_duration_seconds", "5m")),
 )
@@ -166,12 +166,12 @@ ALERTING_RULES = (
     ),
     AlertingRule(
         "DeconflictNuisanceRate",
-        f"vendor:deconflict_nuisance:ratio_increase1h > 0.5 and on (vendor) ({increase(_ENDED, '1h', VENDOR)} > 10)",
+        f"vendor:deconflict_in_vain:ratio_increase1h > 0.5 and on (vendor) ({judged('1h', VENDOR)} > 10)",
         "15m",
         "ticket",
-        "Most predicted conflicts of {{ $labels.vendor }} do not happen",
-        "{{ $value | humanizePercentage }} of the conflicts with robots of {{ $labels.vendor }} that ended in the "
-        "last hour were cleared without the robots coming within the clearance.",
+        "Most warnings of robots of {{ $labels.vendor }} are in vain",
+        "{{ $value | humanizePercentage }} of the warnings of robots of {{ $labels.vendor }} that were judged in the "
+        "last hour were in vain. Those that are not judged do not count.",
     ),
     AlertingRule(
         "DeconflictLatencyBurnFast",

@@ -1,36 +1,9 @@
 """The catalogue of metrics. `docs/metrics.md` shows it as a table."""
 
-from dataclasses import dataclass
-from typing import Literal
-
 from deconflict.foresight.forecast_errors.forecast_grades import GRADED_S, GRADES
-from ingest.measures.measures import Labels
+from metrics.monitoring.catalogue_entry import CatalogueEntry, counter, gauge, histogram
 
-Kind = Literal["counter", "gauge", "histogram"]
 _GRADES = ", ".join(f"{name} up to {most_m:g} m" for name, most_m in GRADES[:-1])
-
-
-@dataclass(frozen=True, slots=True)
-class CatalogueEntry:
-    """One metric of the catalogue."""
-
-    kind: Kind
-    labels: Labels
-    """Names of the labels."""
-    help: str
-    """What it measures, for people. Prometheus and the dashboards show it."""
-
-
-def counter(meaning: str, *labels: str) -> CatalogueEntry:
-    return CatalogueEntry("counter", labels, meaning)
-
-
-def gauge(meaning: str, *labels: str) -> CatalogueEntry:
-    return CatalogueEntry("gauge", labels, meaning)
-
-
-def histogram(meaning: str, *labels: str) -> CatalogueEntry:
-    return CatalogueEntry("histogram", labels, meaning)
 
 
 CATALOGUE: dict[str, CatalogueEntry] = {
@@ -156,11 +129,31 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Revisions of advisories, by event: raised, updated or cleared.", "kind", "event"
     ),
     "deconflict_conflicts_ended_total": counter(
-        "Published conflicts that ended, counted once for each vendor in them, by outcome: met (the robots came within "
-        "the clearance), not_met (they did not: avoided, or a nuisance), or left (a robot left, or the outcome is not "
-        "known).",
+        "Published conflicts that ended, counted once for each vendor in them, by why they were cleared: met (the "
+        "robots came within the clearance), gave_way (one gave way to the other), not_met (no longer predicted), or "
+        "left (a robot left, or another reason). Not whether the warning was right: that is "
+        "deconflict_warnings_judged_total.",
         "vendor",
         "outcome",
+    ),
+    "deconflict_warnings_judged_total": counter(
+        "Warnings by what came of them, as in the report of a replay, about a minute later: came_true, in_vain, or "
+        "not_judged. Of a single machine, not of a cluster.",
+        "outcome",
+    ),
+    "deconflict_vendor_warnings_judged_total": counter(
+        "The same warnings, counted once for each vendor in them.", "vendor", "outcome"
+    ),
+    "deconflict_events_judged_total": counter(
+        "Times at which two robots got in each other's way, by whether they were warned of (yes, no), as in the report "
+        "of a replay.",
+        "warned_of",
+    ),
+    "deconflict_vendor_events_judged_total": counter(
+        "The same events, counted once for each vendor in them.", "vendor", "warned_of"
+    ),
+    "deconflict_warned_ahead_seconds": histogram(
+        "Of the events that were warned of, from raising the warning to the event: ahead by."
     ),
     "deconflict_revisions_deferred_total": counter(
         "Revisions of conflicts with the vendor's robots that waited for a later pass, as one pass makes a bounded "

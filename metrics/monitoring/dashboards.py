@@ -9,7 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from metrics.monitoring.alert_rules import rules_file
-from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
+from metrics.monitoring.catalogue import CATALOGUE
+from metrics.monitoring.catalogue_entry import CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
 from metrics.monitoring.panels import Dashboard, Panel, PanelRow, Query, as_json, names_in, panel
 from metrics.monitoring.promql import quantile

@@ -15,7 +15,8 @@ from prometheus_client.metrics_core import (
 )
 
 from ingest.measures.measures import Histogram, Labels, combined
-from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, UNCATALOGUED_HELP, CatalogueEntry, Kind
+from metrics.monitoring.catalogue import CATALOGUE, UNCATALOGUED, UNCATALOGUED_HELP
+from metrics.monitoring.catalogue_entry import CatalogueEntry, Kind
 
 HistogramRow = list[Any]
 """A row of `histograms` in `Measures.as_document`."""

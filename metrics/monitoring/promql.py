@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping
 
 from ingest.measures.measures import LATENCY_BOUNDS_S
-from metrics.monitoring.catalogue import CATALOGUE, CatalogueEntry
+from metrics.monitoring.catalogue import CATALOGUE
+from metrics.monitoring.catalogue_entry import CatalogueEntry
 
 Where = Mapping[str, str]
 """Required value by label."""

@@ -4,6 +4,7 @@ from metrics.monitoring.alert_rules import OBJECTIVE_S, OBJECTIVE_SHARE
 from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import level, or_zero, share_within
 from metrics.monitoring.queries import STATUS_WAIT, VENDOR, WINDOW, each, measured, number, rated, zero_if_absent
+from metrics.monitoring.warning_queries import OUTCOMES, ahead_by, share_came_true, share_warned_of, warnings
 
 _LOST = "deconflict_lost_seconds_total"
 _OPEN, _SITUATIONS = "deconflict_advisories_open", "deconflict_situations_open"
@@ -52,6 +53,19 @@ SITE = Dashboard(
                 "ops",
                 zero_if_absent(rated("deconflict_situations_total", ["kind", "event"])),
                 columns=8,
+            ),
+        ),
+        row(
+            "Warnings in the last hour",
+            number("Events warned of", "percentunit", Query(share_warned_of("1h"), "warned of")),
+            number("Came true, of those judged", "percentunit", Query(share_came_true("1h"), "came true")),
+            number("Ahead by, median", "s", Query(ahead_by("1h"), "ahead by")),
+            panel(
+                "What came of warnings",
+                "short",
+                *(Query(warnings(outcome, "1h"), outcome.replace("_", " ")) for outcome in OUTCOMES),
+                columns=12,
+                rows=5,
             ),
         ),
         row(

@@ -14,16 +14,14 @@ from metrics.monitoring.queries import (
     rated_by_vendor,
     zero_if_absent,
 )
+from metrics.monitoring.warning_queries import share_came_true, share_warned_of
 
 _PER_MESSAGE = rate("deconflict_messages_total", WINDOW, VENDOR)
 _DEVIATIONS = or_zero_by_vendor(f"{rate('deconflict_deviations_total', WINDOW, VENDOR)} / {_PER_MESSAGE}")
 _REJECTED = or_zero_by_vendor(
     f"{rate('deconflict_messages_total', WINDOW, VENDOR, where={'result': 'rejected'})} / {_PER_MESSAGE}"
 )
-_NUISANCE = or_zero_by_vendor(
-    f"{rate('deconflict_conflicts_ended_total', '1h', VENDOR, where={'outcome': 'not_met'})}"
-    f" / {rate('deconflict_conflicts_ended_total', '1h', VENDOR)}"
-)
+_CAME_TRUE, _WARNED_OF = share_came_true("1h", VENDOR), share_warned_of("1h", VENDOR)
 _SINCE = f"1000 * {level(clock_changes.SINCE, ['vendor', 'what'], over='max')}"
 _WITHIN = share_within(OBJECTIVE_S, STATUS_WAIT, WINDOW, VENDOR)
 
@@ -54,10 +52,20 @@ VENDORS = Dashboard(
                 _highest("deconflict_clock_delay_seconds", "delay, s"),
                 _highest("deconflict_forecast_age_seconds", "forecast age, s"),
                 Query(_WITHIN, "share within 250 ms"),
-                Query(_NUISANCE, "share of conflicts that did not happen"),
+                Query(_CAME_TRUE, "share of warnings that came true"),
                 kind="table",
                 columns=24,
                 rows=8,
+            ),
+        ),
+        row(
+            "Warnings",
+            panel("Events warned of, last hour", "percentunit", Query(_WARNED_OF, "{{vendor}}")),
+            panel("Came true, of warnings judged, last hour", "percentunit", Query(_CAME_TRUE, "{{vendor}}")),
+            panel(
+                "Conflicts that ended, by why they were cleared",
+                "ops",
+                zero_if_absent(rated("deconflict_conflicts_ended_total", ["vendor", "outcome"])),
             ),
         ),
         row(
@@ -164,7 +172,6 @@ VENDORS = Dashboard(
                     )
                 ),
             ),
-            panel("Share of conflicts that did not happen, last hour", "percentunit", Query(_NUISANCE, "{{vendor}}")),
             panel("Robots forgotten", "ops", rated_by_vendor("deconflict_robots_forgotten_total")),
         ),
     ),

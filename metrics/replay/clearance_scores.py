@@ -6,12 +6,12 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
-from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
+from deconflict_client.advisory import AdvisoryState
 from ingest.batch import Batch
 from metrics.replay.engine_output import EngineOutput
 from metrics.scoring.warnings import precision_by_outcomes
 from metrics.scoring.warnings.calibration_scores import SETTLED_S, CalibrationScores
-from metrics.scoring.warnings.judged_alerts import JudgedCases, judged
+from metrics.scoring.warnings.judged_alerts import JudgedCases, add_revision, judged
 from metrics.scoring.warnings.listed_cases import LogNames, by_minute, listed
 from metrics.scoring.warnings.outcomes_by_moment import ContactOutcomes, InteractionOutcomes
 from metrics.scoring.warnings.path_believer import PathBeliever
@@ -33,7 +33,7 @@ class ClearanceScores:
         self.raised: Counter[str] = Counter()
         """Number of raised advisories by kind."""
         self.advisories: dict[str, Alert] = {}
-        """By advisory id. What the robots did is not known yet: no alert is heeded, and no robot has left."""
+        """By advisory id."""
         self.believer = PathBeliever(clearance_m)
         self._truth, self._absences = truth, absences
         self.outcomes = AllPairOutcomes(truth, interactions, clearance_m)
@@ -47,7 +47,7 @@ class ClearanceScores:
         """Add one pass and the engine's output at it."""
         self.raised.update(advisory.kind for advisory in output.advisories if advisory.state is AdvisoryState.RAISED)
         for revision in output.conflicts():
-            self._add_revision(revision)
+            add_revision(self.advisories, revision)
         self._contact_calibration.sample(now_s, output.contact_probabilities)
         self._interaction_calibration.sample(now_s, output.probabilities)
         self.waits.add(now_s, output.waiting)
@@ -109,22 +109,3 @@ class ClearanceScores:
             left_s = min(self._truth.motion.last_seen_s(robot) for robot in alert.pair)
             is_heeded = self.waits.began_s(alert.pair, alert.raised_s, alert.cleared_s) < inf
             yield replace(alert, left_s=left_s, heeded=is_heeded)
-
-    def _add_revision(self, revision: ConflictAdvisory) -> None:
-        predicted_s, place = revision.predicted_at.timestamp(), revision.location
-        alert = self.advisories.get(revision.id) or Alert(
-            revision.robots,
-            revision.vendors,
-            revision.raised_at.timestamp(),
-            cleared_s=inf,
-            predicted_s=predicted_s,
-            left_s=inf,
-            place=(place.datum, place.x, place.y),
-            encounter_class=revision.encounter_class.value,
-            advisory=revision.id,
-        )
-        if revision.time_to_conflict_s > 0:
-            alert = replace(alert, predicted_s=predicted_s)
-        if revision.state is AdvisoryState.CLEARED:
-            alert = replace(alert, cleared_s=revision.updated_at.timestamp())
-        self.advisories[revision.id] = alert

@@ -10,7 +10,6 @@ from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site
 from deconflict_client.situations import advisories_of, situations_of
-from ingest.batch import Batch, Floats
 from metrics.replay.engine_output import EngineOutput, PairProbabilities
 from metrics.replay.recorded_passes import EnginePass
 from metrics.scoring.place_scores import EVERY_S, PlaceForecast, forecast_of
@@ -44,7 +43,7 @@ class EngineRun:
     def advance(self, engine_pass: EnginePass) -> EngineOutput:
         """Run one pass of the engine."""
         now_s, batch = engine_pass.now_s, engine_pass.batch
-        bands_m = self._bands_m(batch)
+        bands_m = self.engine.foresight.ledger.bands_of(batch)
         self.engine.receive(batch)
         recorded = engine_pass.effort, engine_pass.pending, engine_pass.is_own_log, engine_pass.followed
         advisories = self.engine.step(now_s, *recorded)
@@ -82,8 +81,3 @@ class EngineRun:
             return None
         self._place_slot = floor(now_s / EVERY_S)
         return forecast_of(self.engine.turns(), self.engine.needs(), self.engine.site.resources)
-
-    def _bands_m(self, batch: Batch) -> Floats:
-        ledger = self.engine.foresight.ledger
-        rows = ledger.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
-        return ledger.bands_m[rows]

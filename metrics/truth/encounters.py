@@ -7,7 +7,7 @@ separation in the gap stays within `conflict.clear_margin_m` above the threshold
 robots were present for at least 2 s before its start.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, inf
 
@@ -97,6 +97,15 @@ class EncounterFinder:
         """The encounters of each pair so far, by start. The last one may not have ended."""
         return self._below[threshold_m].of_pair
 
+    def goes_on(self, threshold_m: float, pair: Pair) -> bool:
+        """Whether an encounter of a pair has not ended."""
+        return self._below[threshold_m].goes_on(pair)
+
+    def forget(self, pairs: Collection[Pair]) -> None:
+        """Forget the encounters of some pairs, of which none goes on."""
+        for below in self._below.values():
+            below.forget(pairs)
+
     def _process(self, samples: int) -> None:
         if self._next is None or samples <= 0:
             return
@@ -141,6 +150,16 @@ class ThresholdEncounters:
             place = sampled.place(int(near.a[begin]), int(near.sample[begin]))
             self._add_run(pair, near, begin, end, int(since[span_of[begin]]), place)
         self._close_ended(last)
+
+    def goes_on(self, pair: Pair) -> bool:
+        """Whether an encounter of a pair has not ended."""
+        return pair in self._open
+
+    def forget(self, pairs: Collection[Pair]) -> None:
+        """Forget the encounters of some pairs."""
+        self.closed = [encounter for encounter in self.closed if encounter.pair not in pairs]
+        for pair in pairs:
+            self.of_pair.pop(pair, None)
 
     def finish(self) -> None:
         self.closed += self._open.values()

@@ -5,7 +5,7 @@ pair are one outcome.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import inf
@@ -43,6 +43,13 @@ class Verdict(IntEnum):
 
 
 IN_VAIN = (Verdict.KEPT_APART, Verdict.ORDERED, Verdict.REPEATED)
+
+
+def outcome_of(verdict: Verdict) -> str:
+    """What came of a warning, in the words that people read."""
+    if verdict is Verdict.TRUE:
+        return "came_true"
+    return "in_vain" if verdict in IN_VAIN else "not_judged"
 
 
 class OutcomeSpan(NamedTuple):
@@ -141,10 +148,27 @@ class AllPairOutcomes:
         encounters = self._truth.by_pair(self._clearance_m).get(pair, ())
         return PairOutcomes.of(yield_events, encounters) if yield_events or encounters else NOTHING
 
-    def every(self) -> dict[Pair, PairOutcomes]:
-        """The outcomes of each pair that met or waited."""
-        pairs = {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
-        return {pair: self.of(pair) for pair in sorted(pairs)}
+    def pairs(self) -> set[Pair]:
+        """The pairs that met or waited."""
+        return {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
+
+    def every(self, pairs: Collection[Pair] | None = None) -> dict[Pair, PairOutcomes]:
+        """The outcomes of each pair that met or waited, or of these pairs."""
+        return {pair: self.of(pair) for pair in sorted(self.pairs() if pairs is None else pairs)}
+
+    def until_s(self, pair: Pair) -> float:
+        """Until when a pair was in each other's way, or one waited for the other; inf while it goes on, -inf if it
+        never did."""
+        if self._truth.goes_on(self._clearance_m, pair):
+            return inf
+        events = [*self._interactions.by_pair.get(pair, ()), *self._truth.by_pair(self._clearance_m).get(pair, ())]
+        return max((event.end_s for event in events), default=-inf)
+
+    def forget(self, pairs: Collection[Pair]) -> None:
+        """Forget what happened between the robots of some pairs."""
+        for pair in pairs:
+            self._interactions.by_pair.pop(pair, None)
+        self._truth.forget(pairs)
 
     def lasting_onsets_s(self, least_s: float) -> dict[Pair, list[float]]:
         """By pair, the onsets of its encounters, and of stops that last at least `least_s`."""

@@ -113,6 +113,13 @@ class Silences:
                 return silence.begin_s
         return inf
 
+    def may_have_left(self, robot: str, before_s: float) -> bool:
+        """Whether a robot was last heard before a time, and nobody has driven through its place."""
+        row = self._slots.by_uuid.get(robot, -1)
+        if row < 0 or self._heard_s[row] >= before_s:
+            return False
+        return not (self._is_silent[row] and self._of[row][-1].is_passed)
+
     def was_silent(self, robot: str) -> bool:
         """Whether a robot has ever been silent."""
         return self._slots.by_uuid.get(robot, -1) in self._of

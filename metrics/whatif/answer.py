@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.runtime.worker_process import end_with_command
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import SEED, interval
 from metrics.whatif.change import NO_CHANGE, Change
@@ -122,7 +123,7 @@ class WhatIfModel:
         if self._jobs == 1:
             found = [model_figures(*task) for task in tasks]
         else:
-            with ProcessPoolExecutor(self._jobs) as pool:
+            with ProcessPoolExecutor(self._jobs, initializer=end_with_command) as pool:
                 found = [run.result() for run in [pool.submit(model_figures, *task) for task in tasks]]
         seeds = len(self._seeds)
         return [np.array(found[first : first + seeds]) for first in range(0, len(found), seeds)]

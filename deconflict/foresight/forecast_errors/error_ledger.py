@@ -16,7 +16,7 @@ from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT, bins, set_upper_quantiles
 from deconflict.runtime.learned_state import Column, count_column, time_column
 from deconflict.sweep.robot_slots import lengthen
-from ingest.batch import Basis, Bools, Floats, Ints
+from ingest.batch import Basis, Batch, Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 HORIZONS = 10
@@ -190,6 +190,11 @@ class Ledger:
             return cast(list[int], rows)
         kinds = zip(vendors, models, map(Basis, bases), strict=True)
         return [self.row(*kind, now_s) for kind in kinds]
+
+    def bands_of(self, batch: Batch) -> Floats:
+        """The radii that should contain the errors of a batch's forecasts, by what is known before its reports."""
+        rows = self.rows(batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
+        return self.bands_m[rows]
 
     def add_kinds(self, other: "Ledger", now_s: float) -> None:
         """Add the kinds that another ledger has got since the last call, so that they have the same rows here."""

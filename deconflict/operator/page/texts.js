@@ -155,3 +155,9 @@ function compare(a, b) {
   const at = a.findIndex((number, i) => number !== b[i]);
   return at < 0 ? 0 : a[at] - (b[at] ?? 0);
 }
+
+// Each cell of a table says of which column it is: on a phone the cells of a row stand below each other.
+export function titled(table) {
+  const heads = [...table.tHead.rows[0].cells].map(({ textContent }) => textContent.trim());
+  for (const row of table.tBodies[0].rows) [...row.cells].forEach((cell, at) => { if (cell.colSpan === 1) cell.dataset.head = heads[at]; });
+}

@@ -1,10 +1,12 @@
 """Every alert and fresh onset of a log, judged by the outcomes of its pair. `precision_by_outcomes` counts them."""
 
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
-from math import ceil, nan
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from math import ceil, inf, nan
 from typing import NamedTuple
 
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Pair
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
@@ -52,11 +54,38 @@ class JudgedCases(NamedTuple):
     """In the order of time."""
 
 
+def add_revision(alerts: dict[str, Alert], revision: ConflictAdvisory) -> None:
+    """Add a revision to the alerts, by id. What the robots did is not known yet: none is heeded, and no robot has
+    left."""
+    predicted_s, place = revision.predicted_at.timestamp(), revision.location
+    alert = alerts.get(revision.id) or Alert(
+        revision.robots,
+        revision.vendors,
+        revision.raised_at.timestamp(),
+        cleared_s=inf,
+        predicted_s=predicted_s,
+        left_s=inf,
+        place=(place.datum, place.x, place.y),
+        encounter_class=revision.encounter_class.value,
+        advisory=revision.id,
+    )
+    if revision.time_to_conflict_s > 0:
+        alert = replace(alert, predicted_s=predicted_s)
+    if revision.state is AdvisoryState.CLEARED:
+        alert = replace(alert, cleared_s=revision.updated_at.timestamp())
+    alerts[revision.id] = alert
+
+
 def judged(
-    alerts: Iterable[Alert], outcomes: AllPairOutcomes, robots: RobotPresence, waits: AdvisedWaits, end_s: float
+    alerts: Iterable[Alert],
+    outcomes: AllPairOutcomes,
+    robots: RobotPresence,
+    waits: AdvisedWaits,
+    end_s: float,
+    pairs: Collection[Pair] | None = None,
 ) -> JudgedCases:
-    """Judge the alerts over a log that ended at `end_s`."""
-    every, by_pair = outcomes.every(), _by_pair(alerts)
+    """Judge the alerts over a log that ended at `end_s`, with the onsets of `pairs`, or of all."""
+    every, by_pair = outcomes.every(pairs), _by_pair(alerts)
     found: list[JudgedAlert] = []
     for pair, of_pair in by_pair.items():
         outcomes_of_pair = every.get(pair, NOTHING)

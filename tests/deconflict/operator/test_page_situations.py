@@ -178,7 +178,7 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
 ) -> None:
     script = """async (vendor) => {
         const { Vendors } = await import("/page/list/vendors.js");
-        const [words, figures] = ["tbody", "tbody"].map((tag) => document.createElement(tag));
+        const [words, figures] = ["vendors", "figures"].map((id) => document.querySelector(`#${id} tbody`));
         const table = new Vendors();
         return [["A-3"], ["A-3", "A-5"], ["A-3", "A-5", "A-6", "A-7"], []].map((names, i) => {
             const health = { at_s: i, vendors: { Alder: { ...vendor, messages: i, distrusted: names.length || 2 } } };
@@ -472,6 +472,37 @@ async def test_a_card_of_many_robots_fits_a_phone(browser: "Browser", face: Serv
         assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         PICTURES.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=PICTURES / "phone-situations.png", full_page=True)
+
+
+CUT = """() => [...document.querySelectorAll("table tbody :is(td, th)")]
+    .filter((cell) => cell.getClientRects().length && (cell.getBoundingClientRect().right > innerWidth
+        || cell.scrollWidth > cell.clientWidth + 1)).map((cell) => cell.textContent)"""
+"""The cells of tables that are not wholly on the screen."""
+VENDORS_SHOWN = """async (vendor) => {
+    const { Vendors } = await import("/page/list/vendors.js"), body = (id) => document.querySelector(`#${id} tbody`);
+    new Vendors().tables(body("vendors"), body("figures"), { at_s: 1, vendors: { [vendor.name]: vendor } }, () => []);
+}"""
+
+
+async def test_tables_are_read_on_a_phone_without_scrolling_sideways(browser: "Browser", face: Served) -> None:
+    worst = shown(1, 0, 1, revision=2, severity="critical")
+    await face.publish(shown(1, 0, 1), worst, cleared(worst, "they have passed", severity=Severity.CAUTION))
+    async with opened(browser, face, 360, 740) as page:
+        await page.click("#figures summary")
+        health = VendorHealth(name="Alder Robotics of the north", robots=ROBOTS, messages=54000, deviations=3)
+        await page.evaluate(VENDORS_SHOWN, health.model_dump(mode="json"))
+        await page.click("#robots summary")
+        await until(page, "document.querySelectorAll('#robots tbody tr').length === 12")
+        assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert await page.evaluate(CUT) == []
+        assert await page.get_attribute("#robots tbody td", "data-head") == "State"
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / "phone-tables.png", full_page=True)
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes(': 1 situation, ')")
+        assert await page.evaluate(CUT) == []
+        assert await page.evaluate("document.getElementById('shift').scrollWidth <= innerWidth")
+        await page.screenshot(path=PICTURES / "phone-shift.png")
 
 
 async def test_sound_and_notifications_are_off_until_chosen_and_then_come_with_what_is_critical(

@@ -36,8 +36,10 @@ REJECTED = 'deconflict_messages_total{vendor="Acme",result="rejected"}'
 OFFSET = 'deconflict_clock_offset_seconds{vendor="Acme"}'
 DRIFT = 'deconflict_datum_drift_metres{vendor="Acme"}'
 WORSE = 'deconflict_forecast_change_metres{vendor="Acme"}'
-MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="met"}'
-NOT_MET = 'deconflict_conflicts_ended_total{vendor="Acme",outcome="not_met"}'
+TRUE, IN_VAIN, NOT_JUDGED = (
+    f'deconflict_vendor_warnings_judged_total{{vendor="Acme",outcome="{outcome}"}}'
+    for outcome in ("came_true", "in_vain", "not_judged")
+)
 WITHIN = f'deconflict_message_to_advisory_seconds_bucket{{vendor="Acme",le="{OBJECTIVE_S}"}}'
 EVERY = 'deconflict_message_to_advisory_seconds_count{vendor="Acme"}'
 BUSY_S = "deconflict_sweep_duration_seconds_sum"
@@ -78,9 +80,10 @@ CASES = [
     Case("DeconflictDatumDrift", 60, None, {DRIFT: "0.15x60"}),
     Case("DeconflictForecastsWorse", 60, ACME, {WORSE: "_x20 0.4x60"}),
     Case("DeconflictForecastsWorse", 60, None, {WORSE: "0.4x5 _x60"}),
-    Case("DeconflictNuisanceRate", 90, ACME, {MET: "0+1x100", NOT_MET: "0+2x100"}),
-    Case("DeconflictNuisanceRate", 90, None, {MET: "0+2x100", NOT_MET: "0+1x100"}),
-    Case("DeconflictNuisanceRate", 90, None, {MET: "0x100", NOT_MET: "0x60 0+0.2x40"}),
+    Case("DeconflictNuisanceRate", 90, ACME, {TRUE: "0+1x100", IN_VAIN: "0+2x100"}),
+    Case("DeconflictNuisanceRate", 90, None, {TRUE: "0+2x100", IN_VAIN: "0+1x100", NOT_JUDGED: "0+9x100"}),
+    Case("DeconflictNuisanceRate", 90, None, {TRUE: "0+2x100", IN_VAIN: "0+1x100"}),
+    Case("DeconflictNuisanceRate", 90, None, {TRUE: "0x100", IN_VAIN: "0x60 0+0.2x40"}),
     Case("DeconflictLatencyBurnFast", 70, ACME, {EVERY: "0+600x80", WITHIN: "0+480x80"}),
     Case("DeconflictLatencyBurnFast", 70, None, {EVERY: "0+600x80", WITHIN: "0+597x80"}),
     Case("DeconflictLatencyBurnFast", 70, None, {EVERY: "0+600x80", WITHIN: "0+480x60 28800+600x20"}),

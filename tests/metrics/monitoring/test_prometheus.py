@@ -14,6 +14,7 @@ from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
 from metrics.monitoring.alert_rules import RECORDING_RULES
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
+from metrics.scoring.warnings.warning_judge import WarningJudge
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 from tests.metrics.monitoring.made_prometheus import ROBOTS, WINDOWS, on_free_ports, prometheus
@@ -22,12 +23,14 @@ pytestmark = pytest.mark.skipif(not shutil.which("prometheus"), reason="promethe
 
 
 async def answered(client: httpx.AsyncClient, query: str) -> bool:
-    """Whether Prometheus has a number for the query. A query it can't read is an error."""
+    """Whether Prometheus has a number for the query, or a share of warnings of which none is judged yet. A query it
+    can't read is an error."""
     for name, value in WINDOWS.items():
         query = query.replace(name, value)
     document: dict[str, Any] = (await client.get("/api/v1/query", params={"query": query})).json()
     assert document["status"] == "success", document
-    return any(series["value"][1] != "NaN" for series in document["data"]["result"])
+    is_judged = "judged" in query or "ahead" in query
+    return any(series["value"][1] != "NaN" or is_judged for series in document["data"]["result"])
 
 
 async def unanswered(client: httpx.AsyncClient, queries: dict[str, str]) -> dict[str, str]:
@@ -41,7 +44,10 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
         for panel, query in dashboard.queries()
     }
     queries |= {rule.name: rule.name for rule in RECORDING_RULES}
-    async with run_in_one_process(on_free_ports(), tmp_path / "data", render) as (receiver, operator):
+    async with run_in_one_process(on_free_ports(), tmp_path / "data", render, make_judge=WarningJudge) as (
+        receiver,
+        operator,
+    ):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
         talking = asyncio.create_task(simulate(url, SimulatedFloor(ROBOTS, 1), None, stop=asyncio.Event()))
         async with prometheus(tmp_path, f"127.0.0.1:{operator.port}") as client:

@@ -1,6 +1,10 @@
 """`deconflict whatif` on a log of a simulated floor with another planner."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +14,7 @@ from benchmarks.planned_floors.logs.messages import DATUM
 from deconflict.__main__ import parser
 from metrics.replay_files import LogError
 from tests.helpers.commands import run
+from tests.helpers.patience import PATIENCE_S
 
 SITE = f"""
 [[datums]]
@@ -45,6 +50,47 @@ def test_the_command_answers_in_words_and_as_json(
     assert "robots drive at 50% of their greatest speed at most in Middle" in printed
     assert set(document["figures"]) == {"lost_s", "trips", "delays"}
     assert "The model without the change: lost to others" in printed
+
+
+def workers(pid: int) -> list[int]:
+    """The processes that a command has forked."""
+    begins = Path(f"/proc/{pid}/cmdline").read_bytes()
+    children = map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split())
+    return [child for child in children if Path(f"/proc/{child}/cmdline").read_bytes() == begins]
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_no_process_is_left_of_a_command_that_is_killed(files: tuple[Path, Path], end: signal.Signals) -> None:
+    log, site = files
+    asked = ["whatif", log, "--site", site, "--speed", "Middle", "0.5", "--seeds", "400", "--jobs", "2"]
+    with subprocess.Popen([sys.executable, "-m", "deconflict", *map(str, asked)], stderr=subprocess.DEVNULL) as command:
+        until_s, forked = time.monotonic() + PATIENCE_S, list[int]()
+        while len(forked) < 2 and command.poll() is None and time.monotonic() < until_s:
+            forked = workers(command.pid)
+            time.sleep(0.05)
+        command.send_signal(end)
+    assert len(forked) == 2
+    while any(map(is_running, forked)) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    assert not any(map(is_running, forked))
+
+
+def test_into_a_pipe_that_is_closed_nothing_but_lines_is_written(files: tuple[Path, Path]) -> None:
+    log, site = files
+    asked = f"whatif {log} --site {site} --speed Middle 0.5 --seeds 2 --jobs 2"
+    command = f"set -o pipefail; {sys.executable} -m deconflict {asked} | head -1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, check=False)
+    assert done.returncode in {0, 3}
+    assert done.stdout.count(b"\n") == 1
+    assert b"\r" not in done.stderr + done.stdout
+    assert b"Traceback" not in done.stderr
 
 
 def test_suggestions_come_from_the_losses_of_the_log(

@@ -3,7 +3,7 @@
 import { Turns, read } from "../floor/reading.js";
 import { remember, remembered } from "../list/acknowledge.js";
 import { inside } from "../map/places.js";
-import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span } from "../texts.js";
+import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, titled } from "../texts.js";
 
 const MOST_ROWS = 10;
 // Of codes whose sentences name a robot.
@@ -108,6 +108,7 @@ export function table(title, heads, rows) {
   const box = document.createElement("section"), made = document.createElement("table"), head = made.createTHead().insertRow(), body = made.createTBody();
   for (const name of heads) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: name }));
   for (const row of rows) for (const [line, cells] of [[body.insertRow(), row]]) for (const cell of cells) line.insertCell().textContent = cell;
+  titled(made);
   box.append(text("h3", title), rows.length ? made : text("p", "Nothing."));
   return box;
 }

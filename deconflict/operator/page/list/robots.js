@@ -1,7 +1,7 @@
 // One robot in a box beside the map, and the robots of a floor as a table.
 
 import { read } from "../floor/reading.js";
-import { ago, likely, span } from "../texts.js";
+import { ago, likely, span, titled } from "../texts.js";
 
 const LISTED = 200;
 const READ_MS = 2000; // what a robot says of itself is asked for so often while its box is shown
@@ -92,6 +92,7 @@ export function fillTable(body, robots, nowS, isTakenOff, notCompared) {
     rows.push(row);
   }
   body.replaceChildren(...rows);
+  titled(body.closest("table"));
 }
 
 function unplacedRow({ name, reason }) {

@@ -1,6 +1,6 @@
 // Each vendor's colour and sign, and the table with the state of the vendors.
 
-import { NOUNS, plural } from "../texts.js";
+import { NOUNS, plural, titled } from "../texts.js";
 
 // Distinguishable with any of the common colour blindnesses (after Okabe and Ito), on light and on dark ground.
 const COLOURS = {
@@ -84,6 +84,7 @@ export class Vendors {
     const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, { ...vendor, doubts: distrust(vendor, distrusted(name)) }, this.rate(name)]);
     words.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inWords(vendor, rate))));
     figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
+    [words, figures].forEach((body) => titled(body.closest("table")));
   }
 
   // What to mend, for the integrator: one line for each value that deviates, each robot that is compared with nobody, and

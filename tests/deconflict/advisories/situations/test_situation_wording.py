@@ -57,14 +57,16 @@ def test_how_long_a_robot_has_stood_stays_true() -> None:
     assert "Robot x has stood for over 30 s, in Aisle 3, in the way of" in raised([blockage("xab")]).summary
 
 
-def test_a_queue_for_one_of_several_places_is_likely_and_names_none() -> None:
+def test_a_queue_for_one_of_several_places_is_likely_and_names_them() -> None:
     chargers: dict[str, Any] = {
-        "resource_name": "one of 8 chargers",
+        "resource_name": "one of Charger 1, Charger 2, Charger 3 and 5 others",
         "resources": ("charger-1", "charger-2"),
         "probability": 0.8,
     }
     summary = raised([queue("abc", **chargers)]).summary
-    assert summary.startswith("2 robots will probably have to wait for one of 8 chargers in")
+    assert summary.startswith(
+        "2 robots will probably have to wait for one of Charger 1, Charger 2, Charger 3 and 5 others in"
+    )
     assert summary.endswith("; 3 robots need one")
 
 

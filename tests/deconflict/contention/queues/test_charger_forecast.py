@@ -112,6 +112,14 @@ def test_a_taken_charger_is_a_shortage_for_a_robot_that_needs_it() -> None:
     assert advisory.recommendation is None
 
 
+def test_full_chargers_are_one_line_that_names_them() -> None:
+    robots: dict[str, Script] = {"A": inside(C1), "B": inside(C2), "C": stands(20, at(24.0), 600.0)}
+    (advisory,) = told_of(Scene(site(C1, C2), robots), 15)
+    assert advisory.resources == ("c1", "c2")
+    assert advisory.resource_name == "one of c1 and c2"
+    assert advisory.summary.startswith("c1 and c2 will probably be full in ")
+
+
 def test_a_robot_that_has_announced_its_arrival_is_not_expected_twice() -> None:
     b = Driver([(0, 60, 0), (60, 0, 0)], [(60, 0, 0)], level=at(24.0), lasts_s=600.0)
     (advisory,) = told_of(Scene(site(C1), {"A": inside(C1), "B": b}), 15)
