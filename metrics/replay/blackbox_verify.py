@@ -119,7 +119,7 @@ def verify(file: Path) -> Verification:
         [line for line in published if line not in replayed],
         [line for line in replayed if line not in published],
         int(head.get("engine_restarts", 0)),
-        bool(head.get("resumed", False)),
+        bool(head.get("resumed", head.get("resumed_s") is not None)),
     )
 
 

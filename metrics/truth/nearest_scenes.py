@@ -1,6 +1,7 @@
 """The moments at which two robots were nearest to each other in a log, with the motion around them."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
 from math import cos, dist, pi, sin
@@ -8,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.foresight.near_events import AFTER_S as MEASURED_S
+from deconflict.foresight.near_events import NearEvent
 from deconflict.sweep.shapes.shape_table import SHAPES
-from ingest.batch import Floats, Ints
+from ingest.batch import Floats, Ints, Pair
 from ingest.frames.corners import corners_of
 from ingest.shapes import Corner, ShapePart
 from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
@@ -25,6 +28,8 @@ STRETCHES = 5
 """Sampled motions that are kept, enough for the time before and after."""
 
 Outline = list[Corner]
+EventOf = Callable[[Pair, float], NearEvent | None]
+"""Gives the event of a pair at a time."""
 
 
 @dataclass(slots=True)
@@ -60,6 +65,9 @@ class NearestScene:
     """The step at which they were nearest."""
     floor: int = -1
     """Index of the floor on which they were."""
+    event: NearEvent | None = None
+    """The exact measure of it, once that is known; None if the two kept the clearance."""
+    is_measured: bool = False
     x_m: float = 0.0
     y_m: float = 0.0
     """Midpoint between the centres of their nearest bodies at that moment."""
@@ -68,10 +76,21 @@ class NearestScene:
     def rank(self) -> tuple[float, float, float, tuple[str, str]]:
         return self.separation_m, self.closeness, self.at_s, self.pair
 
+    def measure(self, event: NearEvent | None) -> None:
+        """Take over the exact measure."""
+        self.is_measured, self.event = True, event
+        if event:
+            self.at_s, self.separation_m = event.at_s, event.separation_m
+
+    @property
+    def began_s(self) -> float:
+        """When the two came within the clearance; when they were nearest, if they did not."""
+        return self.event.began_s if self.event else self.at_s
+
     def document(self) -> dict[str, Any]:
         return {
             "robots": list(self.pair),
-            "at_s": round(self.at_s, 1),
+            "at_s": round(self.at_s, 3),
             "separation_m": round(self.separation_m, 3),
             "x_m": round(self.x_m, 2),
             "y_m": round(self.y_m, 2),
@@ -106,11 +125,18 @@ class NearestScenes:
         until = sampled.first + sampled.x_m.shape[1]
         self._draw(motion, until - round(AFTER_S / self._step_s))
 
+    def measure(self, until_s: float, event_of: EventOf) -> None:
+        """Measure the scenes of which all reports until `MEASURED_S` later are known: those until `until_s`."""
+        for scene in self._kept:
+            if not scene.is_measured and scene.at_s + MEASURED_S <= until_s:
+                scene.measure(event_of(scene.pair, scene.at_s))
+
     def finish(self, motion: RecordedMotion) -> list[NearestScene]:
-        """All scenes, the nearest first."""
+        """All scenes, the nearest first, each event once. Call it after the last `measure`."""
         if self._held:
             self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
-        return self._kept
+        found = {(scene.pair, scene.began_s): scene for scene in sorted(self._kept, key=lambda scene: scene.rank)[::-1]}
+        return sorted(found.values(), key=lambda scene: scene.rank)
 
     def _offer(self, scene: NearestScene) -> None:
         same = [known for known in self._kept if known.pair == scene.pair and abs(known.at_s - scene.at_s) < APART_S]

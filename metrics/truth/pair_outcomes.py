@@ -11,14 +11,13 @@ from enum import IntEnum
 from math import inf
 from typing import NamedTuple
 
+from deconflict.advisories.warning_before import WITHIN_S
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
 from ingest.batch import Pair
 from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from metrics.truth.interactions import Interactions, YieldEvent
 from metrics.truth.recorded_motion import RecordedPlace
 
-WITHIN_S = 10.0
-"""A warning is true if an outcome follows within this time."""
 FRESH_S = 15.0
 """An onset is fresh if the pair was not in each other's way in this time before it."""
 

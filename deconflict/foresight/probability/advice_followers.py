@@ -6,11 +6,12 @@ it was advised to wait, and its reports since then show that it stands. What els
 (`deconflict/adviser/`), says nothing of its other pairs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numba
 import numpy as np
 
+from deconflict.foresight.keyed_tables import KeyedTable
 from deconflict.foresight.probability.pair_table import has_robot_of, slots_of
 from deconflict.sweep.robot_slots import lengthen
 from deconflict_client.advisory import AnyAdvisory
@@ -22,6 +23,7 @@ _STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
+BY_SLOT = "_advised_until_s", "_was_moving", "_since_s", "_last_s"
 KEPT_S = 600.0
 """A pair is known to have followed advice for so long: losses are reported when they end, or last 60 s."""
 
@@ -89,11 +91,17 @@ class AdviceFollowers:
         self._of_pair: dict[int, tuple[float, float]] = {}
         """By code of a pair, from when until when."""
 
+    def table(self, slots: Mapping[str, int]) -> KeyedTable:
+        """What is known of these robots, by UUID."""
+        self._is_any_advised = True
+        columns = {name: getattr(self, name) for name in BY_SLOT}
+        return KeyedTable([(uuid,) for uuid in slots], list(slots.values()), columns)
+
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
         more = slots - len(self._was_moving)
         if more > 0:
-            lengthen(self, ("_advised_until_s", "_was_moving", "_since_s", "_last_s"), more)
+            lengthen(self, BY_SLOT, more)
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:

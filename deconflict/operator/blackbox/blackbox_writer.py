@@ -67,12 +67,12 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
     identities = [each for each in kept_identities(request.log) if each.arrival_s < request.span.lead_s]
     pending = [REVISION.validate_json(text) for text in request.pending]
     published = published_in(request.store, pending, request.span)
-    misses = _near_misses(request, identities, published.decided)
+    misses = _near_misses(request, identities, [*published.open, *published.decided])
     if not misses:
         return None
     archive = Archive(request.archive)
     chain = HashChain(archive.head())
-    name = f"blackbox-{datetime.fromtimestamp(misses[0].nearest.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
+    name = f"blackbox-{datetime.fromtimestamp(misses[0].event.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
     path = request.archive / name
     with (
         replacing(path) as file,
@@ -94,12 +94,12 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
 
 
 def _near_misses(
-    request: BlackBoxRequest, identities: Sequence[Received], decided: list[AnyAdvisory]
+    request: BlackBoxRequest, identities: Sequence[Received], published: list[AnyAdvisory]
 ) -> list[NearMiss]:
     """The near misses by the robots' own reports, one for each event, ordered by time."""
     robots = {uuid for pair in request.pairs for uuid in (pair.a, pair.b)}
     tracks, floors = recorded_tracks(request.site, _messages_of(request, identities, robots), robots)
-    conflicts = [advisory for advisory in decided if isinstance(advisory, ConflictAdvisory)]
+    conflicts = [advisory for advisory in published if isinstance(advisory, ConflictAdvisory)]
     verified = (
         verified_near_miss(pair, tracks, floors, request.site, conflicts, request.span.until_s)
         for pair in request.pairs
@@ -142,14 +142,19 @@ def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list
         "site": _site(request.site),
         "from": timestamps.write(span.from_s),
         "until": timestamps.write(span.until_s),
-        "resumed": snapshot is not None and not snapshot.is_start,
+        "resumed_s": snapshot.at_s if _was_running(request) and snapshot else None,
         "engine_restarts": sum(restart.now_s > span.engine_s + 1.0 for restart in restarts),
         "near_misses": [miss.document() for miss in misses],
         "open": [advisory.model_dump(mode="json") for advisory in published.open],
         "encounters": _encounters(published),
         "burdens_s": snapshot.burdens_s if snapshot else {},
-        "learned": base64.b64encode(snapshot.learned).decode() if snapshot else None,
+        "learned": _text(snapshot.learned) if snapshot else None,
+        "under_way": _text(snapshot.under_way) if snapshot else None,
     }
+
+
+def _text(packed: bytes) -> str:
+    return base64.b64encode(packed).decode()
 
 
 def _site(site: Site) -> dict[str, Any]:
@@ -193,8 +198,13 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
             last_messages.clear()
         if at_s > span.until_s:
             return
-        if not isinstance(event, Tick) or at_s > span.engine_s:
+        if not isinstance(event, Tick) or at_s > (span.ticks_s if _was_running(request) else span.engine_s):
             yield line, event
+
+
+def _was_running(request: BlackBoxRequest) -> bool:
+    """Whether the box begins while an engine runs."""
+    return request.snapshot is not None and not request.snapshot.is_start
 
 
 def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
