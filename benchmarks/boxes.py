@@ -50,9 +50,9 @@ class RecordedFloor:
         return self.data / "log"
 
 
-def recorded(data: Path, robots: int, seed: int, seconds: float) -> RecordedFloor:
-    """Run the demo's floor and the service over it."""
-    site, now_s = load(demo_site()), START_S
+def recorded(data: Path, site: Site, robots: int, seed: int, seconds: float) -> RecordedFloor:
+    """Run the demo's floor, which is the one of the site, and the service over it."""
+    now_s = START_S
     kept = RecordedFloor(site, data)
     floor, post = Floor(robots, seed, START_S, site.conflict.clearance_m), Post()
     fleet, engine = fast_fleet_of(site, Measures()), Engine(site)
@@ -129,7 +129,7 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=1)
     args = options.parse_args()
     with TemporaryDirectory() as folder:
-        kept = recorded(Path(folder), args.robots, args.seed, args.minutes * 60)
+        kept = recorded(Path(folder), load(demo_site()), args.robots, args.seed, args.minutes * 60)
         directory = Path(folder) / "boxes" / FOLDER
         boxes = boxes_of(kept, directory, START_S + args.minutes * 60)
         print_sums(boxes, [verified_line(directory, box) for box in boxes])

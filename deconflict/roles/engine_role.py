@@ -101,7 +101,7 @@ class EngineRole:
             if changed := self._current_site.changed():
                 engine, request = engine.renewed(changed), EVERYTHING
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
-        self._delivery.keep(engine.learned())
+        self._delivery.keep(engine.learned(), {})
 
     def _restored_engine(self, stop: threading.Event) -> Engine | None:
         """An engine with the stored state; None if `stop` is set before the operator face answers."""
@@ -175,7 +175,7 @@ class EngineRole:
         self._delivery.add_pass(batch.now_s, revisions, arrived_s, engine.measures, near, presence, losses)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
-            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}}, engine.under_way())
 
     def _advise(self, engine: Engine, now_s: float) -> None:
         """Ask robots for what saves time."""

@@ -18,10 +18,11 @@ from ingest.shapes import Corner, ShapePart
 from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
 from metrics.truth.separations import Separations
 
-KEPT = 10
+KEPT, CANDIDATES = 10, 40
+"""Scenes that are listed, and those that are kept until it is known which of them are of one event."""
 BEFORE_S, AFTER_S = 6.0, 3.0
-APART_S = 15.0
-"""Two near moments of one pair belong to one scene if they are closer in time than this."""
+APART_S = 3.0
+"""Two near moments of one pair belong to one scene if they are closer in time than this, or of one event."""
 CIRCLE_CORNERS = 24
 """Of a circle, where it is drawn as a polygon."""
 STRETCHES = 5
@@ -82,6 +83,11 @@ class NearestScene:
         if event:
             self.at_s, self.separation_m = event.at_s, event.separation_m
 
+    def has(self, at_s: float) -> bool:
+        """Whether a near moment of the same pair is part of it."""
+        begin_s, end_s = (self.event.began_s, self.event.ended_s) if self.event else (self.at_s, self.at_s)
+        return begin_s - APART_S < at_s < end_s + APART_S
+
     @property
     def began_s(self) -> float:
         """When the two came within the clearance; when they were nearest, if they did not."""
@@ -106,7 +112,7 @@ def _text(track: Floats) -> str:
 
 
 class NearestScenes:
-    """The `KEPT` nearest scenes so far."""
+    """The `CANDIDATES` nearest scenes so far."""
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
@@ -116,7 +122,7 @@ class NearestScenes:
     def add(self, sampled: SampledMotion, near: Separations, motion: RecordedMotion) -> None:
         """Add a sampled motion and the separations of near pairs in it."""
         self._held.append(sampled)
-        if len(self._kept) == KEPT:
+        if len(self._kept) == CANDIDATES:
             near = near.take(np.flatnonzero(near.separation_m <= self._kept[-1].separation_m))
         for row in _nearest_rows(near).tolist():
             pair = motion.pair(int(near.a[row]), int(near.b[row]))
@@ -136,14 +142,14 @@ class NearestScenes:
         if self._held:
             self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
         found = {(scene.pair, scene.began_s): scene for scene in sorted(self._kept, key=lambda scene: scene.rank)[::-1]}
-        return sorted(found.values(), key=lambda scene: scene.rank)
+        return sorted(found.values(), key=lambda scene: scene.rank)[:KEPT]
 
     def _offer(self, scene: NearestScene) -> None:
-        same = [known for known in self._kept if known.pair == scene.pair and abs(known.at_s - scene.at_s) < APART_S]
+        same = [known for known in self._kept if known.pair == scene.pair and known.has(scene.at_s)]
         if any(known.rank < scene.rank for known in same):
             return
         self._kept = [known for known in self._kept if known not in same]
-        self._kept = sorted([*self._kept, scene], key=lambda known: known.rank)[:KEPT]
+        self._kept = sorted([*self._kept, scene], key=lambda known: known.rank)[:CANDIDATES]
 
     def _draw(self, motion: RecordedMotion, until: int) -> None:
         for scene in self._kept:
@@ -201,11 +207,11 @@ def _drawn(part: ShapePart) -> Outline:
 
 
 def _nearest_rows(near: Separations) -> Ints:
-    """For each of the `KEPT` nearest pairs, the row at which it was nearest."""
+    """For each of the `CANDIDATES` nearest pairs, the row at which it was nearest."""
     order = np.lexsort((near.sample, near.closeness, near.separation_m))
     key = near.a[order] * (int(near.b.max(initial=0)) + 1) + near.b[order]
     _, first = np.unique(key, return_index=True)
-    return order[np.sort(first)[:KEPT]]
+    return order[np.sort(first)[:CANDIDATES]]
 
 
 def _part(sampled: SampledMotion, bodies: list[int], first: int, last: int) -> tuple[Ints, Floats]:
