@@ -5,8 +5,8 @@ from contextlib import closing
 from math import floor, inf
 from typing import Any
 
-from deconflict.advisories.warning_before import lead_of, warning_before
-from deconflict.foresight.near_events import NearEvent
+from deconflict.foresight.near_misses.near_events import NearEvent
+from deconflict.foresight.near_misses.warning_before import lead_of, warning_before
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.settings.site import Site

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deconflict.advisories.situations.situation_counts import counted
-from deconflict.advisories.warning_before import WITHIN_S
+from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from deconflict_client.advisory import AdvisoryState, SituationKind
 from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.foresight.near_events import AFTER_S as MEASURED_S
-from deconflict.foresight.near_events import NearEvent
+from deconflict.foresight.near_misses.near_events import AFTER_S as MEASURED_S
+from deconflict.foresight.near_misses.near_events import NearEvent
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Floats, Ints, Pair
 from ingest.frames.corners import corners_of

@@ -11,8 +11,8 @@ from enum import IntEnum
 from math import inf
 from typing import NamedTuple
 
-from deconflict.advisories.warning_before import WITHIN_S
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
+from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from ingest.batch import Pair
 from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from metrics.truth.interactions import Interactions, YieldEvent

@@ -2,8 +2,8 @@
 
 from collections import defaultdict
 
-from deconflict.foresight.near_events import AFTER_S, BEFORE_S, NearEvent, event_at
-from deconflict.foresight.recorded_track import RecordedTrack, ReportedPose
+from deconflict.foresight.near_misses.near_events import AFTER_S, BEFORE_S, NearEvent, event_at
+from deconflict.foresight.near_misses.recorded_track import RecordedTrack, ReportedPose
 from ingest.batch import Batch, Pair
 
 KEPT_S = BEFORE_S + AFTER_S + 30.0

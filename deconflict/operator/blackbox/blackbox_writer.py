@@ -54,6 +54,8 @@ OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", 
 """Sections of the site that a replay does not need."""
 OMITTED_VENDOR_KEYS = {"token", "certificate_names", "dial"}
 """Keys of a vendor that a replay does not need, and that may hold secrets."""
+_LastMessages = dict[tuple[str | None, str, bool], tuple[bytes, Event]]
+"""By sender."""
 EARLIER_SEGMENTS = 1
 """Number of log segments before the lead that are searched for the last messages of quiet robots."""
 
@@ -180,25 +182,26 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
     """The lines of the log that the box holds, in order, each with its event. First come the last messages before the
     lead, including the identity reports that were kept beside the log."""
     span = request.span
-    last_messages: dict[tuple[str | None, str, bool], tuple[bytes, Event]] = {
-        _sender(identity): (line_of(identity), identity) for identity in identities
-    }
+    ticks_s = span.lead_s if _was_running(request) else span.engine_s
+    before = {False: _LastMessages(), True: _LastMessages()}
+    for identity in identities:
+        before[bool(identity.connection.topic)][_sender(identity)] = line_of(identity), identity
     for line in _log_lines(request):
         try:
             event = parsed(line)
         except UNREADABLE:
             continue  # the receiver was killed while it wrote the line
-        at_s = _time(event, span.lead_s)
-        if at_s < span.lead_s:
+        at_s, on_topic = _time(event, span.lead_s), isinstance(event, Received) and bool(event.connection.topic)
+        if at_s < (span.paced_s if on_topic else span.lead_s):
             if isinstance(event, Received) and not event.refused:
-                last_messages[_sender(event)] = line, event
+                before[on_topic][_sender(event)] = line, event
             continue
-        if last_messages:
+        for last_messages in (before[True], before[False]) if at_s >= span.lead_s else (before[True],):
             yield from last_messages.values()
             last_messages.clear()
         if at_s > span.until_s:
             return
-        if not isinstance(event, Tick) or at_s > (span.ticks_s if _was_running(request) else span.engine_s):
+        if not isinstance(event, Tick) or at_s > ticks_s:
             yield line, event
 
 
@@ -209,7 +212,7 @@ def _was_running(request: BlackBoxRequest) -> bool:
 
 def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
     files = segments_until(request.log, request.span.until_s)
-    before_lead = bisect_right(files, request.span.lead_s, key=begun_s)
+    before_lead = bisect_right(files, request.span.paced_s, key=begun_s)
     for file in files[max(before_lead - 1 - EARLIER_SEGMENTS, 0) :]:
         try:
             yield from lines_of(file)

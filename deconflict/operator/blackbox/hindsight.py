@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from deconflict.foresight.near_events import later, on_floor
-from deconflict.foresight.recorded_track import RecordedTrack, ReportedPose
+from deconflict.foresight.near_misses.near_events import later, on_floor
+from deconflict.foresight.near_misses.recorded_track import RecordedTrack, ReportedPose
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict.sweep.sweep_once import sweep

@@ -4,9 +4,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from deconflict.advisories.warning_before import Lead, StoodAdvisory, lead_of, stood_advisories, warning_before
-from deconflict.foresight.near_events import NearEvent, event_at
-from deconflict.foresight.recorded_track import RecordedTrack
+from deconflict.foresight.near_misses.near_events import NearEvent, event_at
+from deconflict.foresight.near_misses.recorded_track import RecordedTrack
+from deconflict.foresight.near_misses.warning_before import (
+    Lead,
+    StoodAdvisory,
+    lead_of,
+    stood_advisories,
+    warning_before,
+)
 from deconflict.operator.blackbox.blackbox_request import KnownNearMiss, NearPair
 from deconflict.operator.blackbox.hindsight import (
     LONGEST_S,

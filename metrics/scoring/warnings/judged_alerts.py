@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from math import ceil, nan
 from typing import NamedTuple
 
-from deconflict.advisories.warning_before import WITHIN_S, lead_of, warning_before
+from deconflict.foresight.near_misses.warning_before import WITHIN_S, lead_of, warning_before
 from ingest.batch import Pair
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from deconflict.foresight.near_events import NearEvent
+from deconflict.foresight.near_misses.near_events import NearEvent
 from deconflict.operator.blackbox.archive import Box
 from deconflict.operator.blackbox.blackbox_request import KnownNearMiss
 from deconflict.operator.blackbox.blackbox_writer import write_blackbox

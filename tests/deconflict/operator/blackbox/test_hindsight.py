@@ -4,8 +4,8 @@ from math import inf
 
 import pytest
 
-from deconflict.foresight.near_events import NearEvent, event_at, events
-from deconflict.foresight.recorded_track import RecordedTrack, ReportedPose
+from deconflict.foresight.near_misses.near_events import NearEvent, event_at, events
+from deconflict.foresight.near_misses.recorded_track import RecordedTrack, ReportedPose
 from deconflict.operator.blackbox.hindsight import avoiding_delays_s, row_at
 from ingest.batch import Forecasts
 
