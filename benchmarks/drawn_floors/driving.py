@@ -112,7 +112,7 @@ def drive(
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
             work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
-            found.work.append(Work(pass_s, *work, len(engine.foresight._pairs), len(engine.conflicts())))
+            found.work.append(Work(pass_s, *work, len(engine.foresight.pairs), len(engine.conflicts())))
             found.failed = _failure(found, now_s)
             if found.failed:
                 break

@@ -19,7 +19,7 @@ These files take part, in this order:
 3. `words.conflict_wording` fills the fields and writes the text.
 """
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
@@ -77,6 +77,14 @@ class ConflictLifecycle:
         """Continue advisories that were open before a restart."""
         for advisory in open_advisories:
             self._adopt_open(self.pairs.get(advisory.robots) or self.pairs.add(advisory.robots), advisory)
+
+    def resume(self, published: Mapping[Pair, ConflictAdvisory], ordinals: Mapping[Pair, int]) -> None:
+        """Have these advisories open, and no others."""
+        self.ordinals.update(ordinals)
+        for pair in self.advisories.keys() | published.keys():
+            watched, is_known = self.pairs.get(pair) or self.pairs.add(pair), pair in self.advisories
+            self.pairs.set_advisory(watched, published.get(pair), None if is_known else -1)
+        self.advisories = dict(published)
 
     def adopt(self, revision: ConflictAdvisory) -> None:
         """Continue from a revision that another engine made, whatever was decided here for its pair."""

@@ -25,6 +25,7 @@ from deconflict.engine.engine_advice import EngineAdvice
 from deconflict.engine.engine_metrics import EngineMetrics, count_losses
 from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.engine.learned.map_drift import MapDrift
+from deconflict.engine.learned.under_way import take_over, under_way
 from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
 from deconflict.engine.near_miss_trigger import NearMissTrigger
@@ -145,6 +146,26 @@ class Engine:
     def adopt(self, revision: ConflictAdvisory) -> None:
         """Continue from a revision that another engine made."""
         self._conflicts.adopt(revision)
+
+    def resume(
+        self,
+        published: Iterable[AnyAdvisory],
+        ordinals: Mapping[Pair, int],
+        burdens_s: Mapping[str, float],
+        learned: Mapping[str, Part] | None,
+        underway: Mapping[str, Part],
+    ) -> None:
+        """Go on as another engine that made the same passes lately, with what it had published, learned and under way
+        by now."""
+        self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
+        conflicts = (advisory for advisory in published if isinstance(advisory, ConflictAdvisory))
+        self._conflicts.resume({advisory.robots: advisory for advisory in conflicts}, ordinals)
+        self._advice.burden.burdens_s.update(burdens_s)
+        self.set_aside |= take_over(underway, self.foresight, self._conflicts.pairs)
+
+    def under_way(self) -> dict[str, Part]:
+        """A copy of what is under way: with it and with `learned`, a black box begins."""
+        return under_way(self.foresight, self._conflicts.pairs)
 
     def learned(self) -> dict[str, Part]:
         """A copy of what is worth keeping over a restart."""

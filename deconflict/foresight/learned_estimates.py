@@ -74,9 +74,10 @@ class LearnedErrors:
     def resume(self, part: Part) -> None:
         state = ERRORS.checked(part)
         kinds = [ForecastKind(*kind) for kind in state["kinds"]]
-        self.ledger.restore(kinds, {name: state[name] for name in COLUMNS})
+        rows = self.ledger.restore(kinds, {name: state[name] for name in COLUMNS})
+        self.following.add_kinds(self.ledger, 0.0)
         self.following.restore(kinds, {name: state[FOLLOWING + name] for name in COLUMNS})
-        self.start_times.counts, self.start_times.as_of_s = state[STARTS], state["starts_as_of_s"]
+        self.start_times.restore(rows, state[STARTS], state["starts_as_of_s"])
 
 
 class LearnedProbabilities:
@@ -105,9 +106,10 @@ class LearnedProbabilities:
         state = PROBABILITIES.checked(part)
         if {name: state[name] for name in self._bounds} != self._bounds:
             return
-        numbers = {name: number for number, name in enumerate(state["vendor_names"])}
+        numbers = self._robots.vendor_numbers
+        for name in state["vendor_names"]:
+            numbers.setdefault(name, len(numbers))
         restored = [self._restored(name, state, numbers) for name in MODELS]
-        self._robots.vendor_numbers = numbers
         for name, model in zip(MODELS, restored, strict=True):
             setattr(self._learning, name, model)
 

@@ -138,7 +138,7 @@ class EngineRole:
                 engine, request = engine.renewed(changed), EVERYTHING
                 self._load = LoadShedder(changed.engine.deadline_s, self._load.effort)
                 self._judge = self._judge_of(engine)
-        self._delivery.keep(engine.learned())
+        self._delivery.keep(engine.learned(), {})
 
     def _restored_engine(self, stop: threading.Event) -> Engine | None:
         """An engine with the stored state; None if `stop` is set before the operator face answers."""
@@ -212,7 +212,7 @@ class EngineRole:
         self._delivery.add_pass(batch.now_s, revisions, arrived_s, engine.measures, near, presence, losses)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
-            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}})
+            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}}, engine.under_way())
         return revisions
 
     def _judge_of(self, engine: Engine) -> PassJudge | None:

@@ -68,6 +68,7 @@ class OperatorCalls:
             "burdens": self._burdens,
             "learned": self._learned,
             "learn": self._learn,
+            "under_way": self._under_way,
             "unlearn": self._unlearn,
             "unlearn_parts": self._unlearn_parts,
             "publish": self._publish,
@@ -110,6 +111,11 @@ class OperatorCalls:
         learned = await asyncio.to_thread(self._learned_file.read)
         await asyncio.to_thread(self._keeper.engine_started, learned)
         return learned
+
+    async def _under_way(self, under_way: bytes) -> bytes:
+        """What the engine has under way at the tick of the learned state that comes next."""
+        self._keeper.note_under_way(under_way)
+        return b"kept"
 
     async def _learn(self, learned: bytes) -> bytes:
         await asyncio.to_thread(self._learned_file.write, learned)

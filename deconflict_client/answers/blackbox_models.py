@@ -26,7 +26,7 @@ class BoxedNearMiss(BaseModel):
     separation_m: float = Field(description="the smallest; 0 if the envelopes overlapped")
     clearance_m: float
     location: Location
-    advisory: str | None = Field(description="id of the advisory that was open then; null if there was none")
+    advisory: str | None = Field(description="id of the one that was open then, or cleared in the 10 s before")
     warned_s: float | None = Field(description="how long before it was raised; null without an advisory")
     avoided_by: list[AvoidingDelay] = Field(description="empty if no delay of one robot would have avoided it")
     summary: str = Field(description="one sentence for a person")

@@ -23,10 +23,10 @@ from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
 Line = dict[str, Any]
 RESUMED = (
-    "it resumes from a running engine, and the errors of forecasts that were under way then are not in the box: "
-    "probabilities can differ, and what follows from them"
+    "it resumes from a running engine of an earlier release, and the errors of forecasts that were under way then are "
+    "not in the box: probabilities can differ, and what follows from them"
 )
-"""Why the replay of a box that does not begin where an engine began may give other decisions."""
+"""Why the replay of a box of an earlier release may give other decisions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,8 @@ class Verification:
     """Restarts of the engine in that time. After a restart the two may differ."""
     resumed: bool
     """Whether the replay resumes what an engine had learned while it ran, not what it started with."""
+    lacks_under_way: bool
+    """Whether the file lacks what that engine had under way, as those of earlier releases do."""
 
     @property
     def same(self) -> bool:
@@ -57,7 +59,7 @@ class Verification:
         if self.same:
             return f"{unchanged}the replay gives the same {self.published} revisions of conflicts\n"
         why = f" (the engine was restarted {self.restarts} times in that time)" if self.restarts else ""
-        why += f" ({RESUMED})" if self.resumed else ""
+        why += f" ({RESUMED})" if self.lacks_under_way else ""
         lines = [*(f"- {line['at']} {line['event']} {line['summary']}" for line in self.missing)]
         lines += [f"+ {line['at']} {line['event']} {line['summary']}" for line in self.added]
         return f"{unchanged}the replay differs{why}:\n" + "\n".join(lines) + "\n"
@@ -119,7 +121,8 @@ def verify(file: Path) -> Verification:
         [line for line in published if line not in replayed],
         [line for line in replayed if line not in published],
         int(head.get("engine_restarts", 0)),
-        bool(head.get("resumed", False)),
+        bool(head.get("resumed") or head.get("resumed_s")),
+        bool(head.get("resumed") or (head.get("resumed_s") and not head.get("under_way"))),
     )
 
 

@@ -32,9 +32,9 @@ class EngineRun:
         )
         self._situations = SituationLifecycle(PlaceNames.of(site).describe)
         self._situations.restore((), start.open)
-        for part, reason in sorted(self.engine.set_aside.items()):
-            text = "the part %r of what the engine had learned is left out, so the replay may differ: %s"
-            log.warning(text, part, reason)
+        self._warn_of_set_aside()
+        self._start = None if start.resumed_s is None else start
+        """What the engine goes on with after the pass at which a running one had it; None after that."""
         self._second = -1
         """The newest second whose probabilities were read."""
         self._place_slot = -1
@@ -48,6 +48,10 @@ class EngineRun:
         recorded = engine_pass.effort, engine_pass.pending, engine_pass.is_own_log, engine_pass.followed
         advisories = self.engine.step(now_s, *recorded)
         self.engine.advise(now_s, effort=engine_pass.effort)
+        if self._start and self._start.resumed_s is not None and now_s >= self._start.resumed_s:
+            start, self._start = self._start, None
+            self.engine.resume(start.open, start.encounters, start.burdens_s, start.learned, start.under_way)
+            self._warn_of_set_aside()
         published = self._situations.published(now_s, list(advisories))
         waiting = self.engine.foresight.following_advice(now_s)
         measures = self.measures() if engine_pass.measures else None
@@ -63,6 +67,11 @@ class EngineRun:
             situations_of(published),
             losses=ledger_entries(self.engine.losses),
         )
+
+    def _warn_of_set_aside(self) -> None:
+        for part, reason in sorted(self.engine.set_aside.items()):
+            text = "the part %r of what the engine had learned is left out, so the replay may differ: %s"
+            log.warning(text, part, reason)
 
     def measures(self) -> dict[str, object]:
         """The engine's measures at present, as a document."""

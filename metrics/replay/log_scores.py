@@ -6,6 +6,8 @@ from contextlib import closing
 from math import floor, inf
 from typing import Any
 
+from deconflict.foresight.near_misses.near_events import NearEvent
+from deconflict.foresight.near_misses.warning_before import lead_of, warning_before
 from deconflict.foresight.presence.live_robots import on_foot
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
@@ -27,11 +29,10 @@ from metrics.truth.absences import Absences
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
 from metrics.truth.nearest_scenes import NearestScene
+from metrics.truth.recent_tracks import RecentTracks
 from metrics.truth.resource_use import TimeSpan
 
 LOSS_KEYS: tuple[tuple[LossKey, ...], ...] = (("vendor", "by"), ("floor", "place"))
-WARNED_BEFORE_S = 10.0
-"""An advisory that was cleared longer than this before a near moment does not count as a warning of it."""
 
 
 class LogScores:
@@ -41,6 +42,7 @@ class LogScores:
     def __init__(self, site: Site, clearances_m: Sequence[float], beside_m: Sequence[float] = ()) -> None:
         """`beside_m` as in `metrics.replay.replay.replay`."""
         self.truth = EncounterFinder([*clearances_m, *beside_m], site.conflict.clear_margin_m)
+        self.tracks, self._clearance_m = RecentTracks(), clearances_m[0]
         self.interactions = Interactions()
         self.absences = Absences(clearances_m)
         self.by_clearance = [
@@ -63,6 +65,7 @@ class LogScores:
         self.truth.silences.on_foot.difference_update(batch.robots)
         self.truth.silences.on_foot.update(on_foot(batch))
         self.names.floors = batch.floors
+        self.tracks.add_batch(batch)
         self.truth.report(batch.robots, batch.forecasts, batch.reports_within_s)
         self.absences.add_batch(batch)
         self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
@@ -80,6 +83,7 @@ class LogScores:
         self.truth.advance(now_s)
         if self.truth.until_s > known_until_s:
             self._resolve()
+            self.truth.scenes.measure(self.truth.until_s, self._event)
 
     def result(self, passes: PassReader, measures: dict[str, Any]) -> dict[str, Any]:
         """What the log holds, and the scores of every clearance. Call it once, after the last pass.
@@ -90,6 +94,7 @@ class LogScores:
         self.names.first_s = passes.first_s
         scores = [scores.figures(self.names, passes.now_s) for scores in self.by_clearance]
         ece = {row["vendor"]: row["ece"] for row in scores[0]["by_vendor"]}
+        self.truth.scenes.measure(inf, self._event)
         nearest = [self._scene(scene) for scene in self.truth.scenes.finish(self.truth.motion)]
         self._vendors.update(passes.now_s, (passes.measures(), measures))
         contention = self.contention.figures()
@@ -160,28 +165,25 @@ class LogScores:
         for scores in self.by_clearance:
             scores.resolve(self.names.vendor_of)
 
-    def _scene(self, scene: NearestScene) -> dict[str, Any]:
-        """One of the nearest moments, and when the first clearance's advisory was raised before it.
+    def _event(self, pair: Pair, at_s: float) -> NearEvent | None:
+        return self.tracks.event(pair, self._clearance_m, at_s, self.truth.motion.newest_s)
 
-        An advisory that was still open comes before a cleared one, and an earlier one before a later one.
-        """
-        at_s = scene.at_s
-        before = [
-            (advisory.cleared_s < at_s, advisory.raised_s, advisory.cleared_s)
-            for advisory in self.by_clearance[0].advisories.values()
-            if advisory.pair == scene.pair and advisory.raised_s < at_s and advisory.cleared_s > at_s - WARNED_BEFORE_S
-        ]
-        was_cleared, raised_s, cleared_s = min(before, default=(False, None, inf))
+    def _scene(self, scene: NearestScene) -> dict[str, Any]:
+        """One of the nearest moments, and the lead of the first clearance's advisory that warned of it."""
+        at_s, began_s = scene.at_s, scene.began_s
+        advisories = (each for each in self.by_clearance[0].advisories.values() if each.pair == scene.pair)
+        lead = lead_of(warning_before(advisories, began_s), began_s)
         floor_id = self.names.floors[scene.floor] if scene.floor >= 0 else ""
         return {
             "vendors": [self.names.vendor_of[robot] for robot in scene.pair],
             "names": [self.names.name_of[robot] for robot in scene.pair],
-            "at": timestamps.write(round(at_s, 1)),
+            "at": timestamps.write(at_s),
+            "began_at": timestamps.write(began_s) if scene.event else None,
             "into_s": round(at_s - self.names.first_s, 1),
             "floor": floor_id,
             "floor_name": self.names.floor_names.get(floor_id, ""),
-            "warned_s": None if raised_s is None else at_s - raised_s,
-            "warned_until_s": at_s - cleared_s if was_cleared else None,
+            "warned_s": lead.raised_s if lead else None,
+            "warned_until_s": lead.cleared_s if lead else None,
             **scene.document(),
         }
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deconflict.advisories.situations.situation_counts import counted
+from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from deconflict_client.advisory import AdvisoryState, SituationKind
 from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair
@@ -21,7 +22,7 @@ from metrics.scoring.bootstrap import interval
 from metrics.scoring.contention_scores import AlertOutcome
 from metrics.scoring.summaries import mean, means, median, spread
 from metrics.truth.advised_waits import AdvisedWaits
-from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, OutcomeSpan, PairOutcomes, Verdict
+from metrics.truth.pair_outcomes import NOTHING, OutcomeSpan, PairOutcomes, Verdict
 from metrics.truth.resource_use import TimeSpan
 
 LONG_STOP_S = 3.0

@@ -1,6 +1,7 @@
 """The moments at which two robots were nearest to each other in a log, with the motion around them."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
 from math import cos, dist, pi, sin
@@ -8,23 +9,28 @@ from typing import Any
 
 import numpy as np
 
+from deconflict.foresight.near_misses.near_events import AFTER_S as MEASURED_S
+from deconflict.foresight.near_misses.near_events import NearEvent
 from deconflict.sweep.shapes.shape_table import SHAPES
-from ingest.batch import Floats, Ints
+from ingest.batch import Floats, Ints, Pair
 from ingest.frames.corners import corners_of
 from ingest.shapes import Corner, ShapePart
 from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
 from metrics.truth.separations import Separations
 
-KEPT = 10
+KEPT, CANDIDATES = 10, 40
+"""Scenes that are listed, and those that are kept until it is known which of them are of one event."""
 BEFORE_S, AFTER_S = 6.0, 3.0
-APART_S = 15.0
-"""Two near moments of one pair belong to one scene if they are closer in time than this."""
+APART_S = 3.0
+"""Two near moments of one pair belong to one scene if they are closer in time than this, or of one event."""
 CIRCLE_CORNERS = 24
 """Of a circle, where it is drawn as a polygon."""
 STRETCHES = 5
 """Sampled motions that are kept, enough for the time before and after."""
 
 Outline = list[Corner]
+EventOf = Callable[[Pair, float], NearEvent | None]
+"""Gives the event of a pair at a time."""
 
 
 @dataclass(slots=True)
@@ -60,6 +66,9 @@ class NearestScene:
     """The step at which they were nearest."""
     floor: int = -1
     """Index of the floor on which they were."""
+    event: NearEvent | None = None
+    """The exact measure of it, once that is known; None if the two kept the clearance."""
+    is_measured: bool = False
     x_m: float = 0.0
     y_m: float = 0.0
     """Midpoint between the centres of their nearest bodies at that moment."""
@@ -68,10 +77,26 @@ class NearestScene:
     def rank(self) -> tuple[float, float, float, tuple[str, str]]:
         return self.separation_m, self.closeness, self.at_s, self.pair
 
+    def measure(self, event: NearEvent | None) -> None:
+        """Take over the exact measure."""
+        self.is_measured, self.event = True, event
+        if event:
+            self.at_s, self.separation_m = event.at_s, event.separation_m
+
+    def has(self, at_s: float) -> bool:
+        """Whether a near moment of the same pair is part of it."""
+        begin_s, end_s = (self.event.began_s, self.event.ended_s) if self.event else (self.at_s, self.at_s)
+        return begin_s - APART_S < at_s < end_s + APART_S
+
+    @property
+    def began_s(self) -> float:
+        """When the two came within the clearance; when they were nearest, if they did not."""
+        return self.event.began_s if self.event else self.at_s
+
     def document(self) -> dict[str, Any]:
         return {
             "robots": list(self.pair),
-            "at_s": round(self.at_s, 1),
+            "at_s": round(self.at_s, 3),
             "separation_m": round(self.separation_m, 3),
             "x_m": round(self.x_m, 2),
             "y_m": round(self.y_m, 2),
@@ -87,7 +112,7 @@ def _text(track: Floats) -> str:
 
 
 class NearestScenes:
-    """The `KEPT` nearest scenes so far."""
+    """The `CANDIDATES` nearest scenes so far."""
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
@@ -97,7 +122,7 @@ class NearestScenes:
     def add(self, sampled: SampledMotion, near: Separations, motion: RecordedMotion) -> None:
         """Add a sampled motion and the separations of near pairs in it."""
         self._held.append(sampled)
-        if len(self._kept) == KEPT:
+        if len(self._kept) == CANDIDATES:
             near = near.take(np.flatnonzero(near.separation_m <= self._kept[-1].separation_m))
         for row in _nearest_rows(near).tolist():
             pair = motion.pair(int(near.a[row]), int(near.b[row]))
@@ -106,18 +131,25 @@ class NearestScenes:
         until = sampled.first + sampled.x_m.shape[1]
         self._draw(motion, until - round(AFTER_S / self._step_s))
 
+    def measure(self, until_s: float, event_of: EventOf) -> None:
+        """Measure the scenes of which all reports until `MEASURED_S` later are known: those until `until_s`."""
+        for scene in self._kept:
+            if not scene.is_measured and scene.at_s + MEASURED_S <= until_s:
+                scene.measure(event_of(scene.pair, scene.at_s))
+
     def finish(self, motion: RecordedMotion) -> list[NearestScene]:
-        """All scenes, the nearest first."""
+        """All scenes, the nearest first, each event once. Call it after the last `measure`."""
         if self._held:
             self._draw(motion, self._held[-1].first + self._held[-1].x_m.shape[1])
-        return self._kept
+        found = {(scene.pair, scene.began_s): scene for scene in sorted(self._kept, key=lambda scene: scene.rank)[::-1]}
+        return sorted(found.values(), key=lambda scene: scene.rank)[:KEPT]
 
     def _offer(self, scene: NearestScene) -> None:
-        same = [known for known in self._kept if known.pair == scene.pair and abs(known.at_s - scene.at_s) < APART_S]
+        same = [known for known in self._kept if known.pair == scene.pair and known.has(scene.at_s)]
         if any(known.rank < scene.rank for known in same):
             return
         self._kept = [known for known in self._kept if known not in same]
-        self._kept = sorted([*self._kept, scene], key=lambda known: known.rank)[:KEPT]
+        self._kept = sorted([*self._kept, scene], key=lambda known: known.rank)[:CANDIDATES]
 
     def _draw(self, motion: RecordedMotion, until: int) -> None:
         for scene in self._kept:
@@ -175,11 +207,11 @@ def _drawn(part: ShapePart) -> Outline:
 
 
 def _nearest_rows(near: Separations) -> Ints:
-    """For each of the `KEPT` nearest pairs, the row at which it was nearest."""
+    """For each of the `CANDIDATES` nearest pairs, the row at which it was nearest."""
     order = np.lexsort((near.sample, near.closeness, near.separation_m))
     key = near.a[order] * (int(near.b.max(initial=0)) + 1) + near.b[order]
     _, first = np.unique(key, return_index=True)
-    return order[np.sort(first)[:KEPT]]
+    return order[np.sort(first)[:CANDIDATES]]
 
 
 def _part(sampled: SampledMotion, bodies: list[int], first: int, last: int) -> tuple[Ints, Floats]:

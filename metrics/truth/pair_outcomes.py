@@ -12,13 +12,12 @@ from math import inf
 from typing import NamedTuple
 
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
+from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from ingest.batch import Pair
 from metrics.truth.encounters import EncounterFinder, RecordedEncounter
 from metrics.truth.interactions import Interactions, YieldEvent
 from metrics.truth.recorded_motion import RecordedPlace
 
-WITHIN_S = 10.0
-"""A warning is true if an outcome follows within this time."""
 FRESH_S = 15.0
 """An onset is fresh if the pair was not in each other's way in this time before it."""
 

@@ -25,6 +25,7 @@ from deconflict.advisories.watched.watched_pair_kernels import (
     meet_elsewhere,
 )
 from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.foresight.keyed_tables import KeyedTable
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
 from deconflict_client.advisory import ConflictAdvisory
@@ -113,6 +114,20 @@ class WatchedPairs:
         row = int(self._pairs["in_use"].argmin())
         self._pairs[row] = _NEW_ROW
         return self._register(pair, row)
+
+    def watch_only(self, pairs: Set[Pair]) -> None:
+        """Watch these pairs, and of others those with an open advisory."""
+        for pair in pairs - self._row_of.keys():
+            self.add(pair)
+        for pair, row in list(self._row_of.items()):
+            if pair not in pairs and not self._by_row[row].advisory:
+                self._pairs["in_use"][row] = False
+                self._unregister(pair)
+
+    def table(self) -> KeyedTable:
+        """What is remembered of each pair."""
+        columns = {name: self._pairs[name] for name in WATCHED_PAIR.names or () if name != "in_use"}
+        return KeyedTable(list(self._row_of), list(self._row_of.values()), columns)
 
     def forget_if_idle(self, watched: WatchedPair) -> None:
         """Stop to watch a pair of which there is nothing left to remember."""

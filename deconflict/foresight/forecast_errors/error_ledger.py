@@ -158,9 +158,10 @@ class Ledger:
     """(kinds,) when each kind was last faded."""
     bands_m: Floats = field(default_factory=lambda: np.zeros((0, HORIZONS, 3)))
     """(kinds, HORIZONS, 3) radii of the bands. They grow with the horizon and with the share."""
-    _stale: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    stale: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
     """(kinds,) whether errors were added since the bands were read."""
-    _refreshed_s: float = float("-inf")
+    refreshed_s: Floats = field(default_factory=lambda: np.full(1, -np.inf))
+    """(1,) when the bands were last read."""
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
         """The row of a kind. A new kind gets a row with a prior; models beyond `MOST_CLASSES` kinds share one."""
@@ -177,7 +178,7 @@ class Ledger:
             np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
         self.counts = np.concatenate([self.counts, prior])
         self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (1, HORIZONS, 3))])
-        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "_stale"), 1)
+        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "stale"), 1)
         self.as_of_s[row] = now_s
         self._read_bands(np.array([row]))
         return row
@@ -204,13 +205,13 @@ class Ledger:
     def record(self, errors: Errors, now_s: float) -> None:
         """Count errors. The bands follow at most once in `REFRESH_S`."""
         if len(errors):
-            columns = (self.counts, self.bias_m, self.covered, self.cases, self.level, self.as_of_s, self._stale)
+            columns = (self.counts, self.bias_m, self.covered, self.cases, self.level, self.as_of_s, self.stale)
             shares = (SHARES, LOWEST_LEVEL, HIGHEST_LEVEL)
             _count(*columns, errors, *shares, LEVEL_GAIN, now_s, HALF_LIFE_S)
-        if not 0 <= now_s - self._refreshed_s < REFRESH_S and self._stale.any():
-            self._refreshed_s = now_s
-            self._read_bands(np.flatnonzero(self._stale))
-            self._stale[:] = False
+        if not 0 <= now_s - self.refreshed_s[0] < REFRESH_S and self.stale.any():
+            self.refreshed_s[0] = now_s
+            self._read_bands(np.flatnonzero(self.stale))
+            self.stale[:] = False
 
     def rows_with_cases(self) -> Ints:
         """(n,) the rows of all kinds that have cases left at the time of the newest one."""
@@ -221,14 +222,14 @@ class Ledger:
         """A copy of what is kept over a restart of these kinds (n,)."""
         return {name: getattr(self, name)[rows] for name in COLUMNS}
 
-    def restore(self, kinds: Sequence[ForecastKind], columns: Mapping[str, Floats]) -> None:
-        """Begin with these kinds, and with the columns that `columns` gave of them."""
-        self.kinds = {kind: row for row, kind in enumerate(kinds)}
+    def restore(self, kinds: Sequence[ForecastKind], columns: Mapping[str, Floats]) -> Ints:
+        """Go on with the columns that `columns` gave of these kinds (n,); their rows (n,). Rows stay as they are."""
+        rows = np.array([self.row(*kind, 0.0) for kind in kinds], np.int64)
         for name, column in columns.items():
-            setattr(self, name, column)
-        self.bands_m = np.zeros((len(kinds), HORIZONS, len(SHARES)))
-        self._stale = np.zeros(len(kinds), np.bool_)
-        self._read_bands(np.arange(len(kinds)))
+            getattr(self, name)[rows] = column
+        self.stale[rows] = False
+        self._read_bands(rows)
+        return rows
 
     def _read_bands(self, rows: Ints) -> None:
         set_upper_quantiles(self.counts[:, RADIAL], self.level, rows, self.bands_m)

@@ -18,7 +18,8 @@ TRACK_S = HORIZONS + 2
 """A forecast is sampled this far ahead of its report: the horizon, and the age of a report in use."""
 TRACK_LOOKS: Floats = np.arange(TRACK_S + 1.0)
 BY_SLOT = "newest", "previous", "track", "around"
-BY_ROW = "made_s", "stopped", "next_index", "kind", "forecast", "bands_m"
+OF_KEPT = "made_s", "stopped", "kind", "forecast", "bands_m"
+BY_ROW = *OF_KEPT, "next_index"
 """Columns of the history by slot, and by the row of a robot that does not rest."""
 ROUNDING_M = 1e-6
 
@@ -129,6 +130,15 @@ class PendingForecasts:
         comes first. These arrays are by slot."""
         seconds, reports = int(horizon_s) + 1, (self._history.around, reach_m, self.newest, self.track)
         return candidate_pairs.find_pairs(has_news, is_left_out, slots, rank, *reports, now_s, seconds, ROUNDING_M)
+
+    def turn(self, next_index: Ints) -> None:
+        """Have the next forecast of each row (rows,) come at this place, after the same ones as before."""
+        shift = (next_index - self._history.next_index) % KEPT
+        of = (np.arange(KEPT) - shift[:, None]) % KEPT
+        for name in OF_KEPT:
+            column = getattr(self._history, name)
+            column[:] = column[np.arange(len(column))[:, None], of]
+        self._history.next_index[:] = next_index % KEPT
 
     def speed_mps(self, slot: int) -> float:
         """Speed of a robot between its last two reports; nan if unknown."""

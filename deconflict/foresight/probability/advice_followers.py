@@ -7,11 +7,12 @@ in their way: one that came to stand with another body right ahead shows nothing
 robot (`deconflict/adviser/`), says nothing of its other pairs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numba
 import numpy as np
 
+from deconflict.foresight.keyed_tables import KeyedTable
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.pair_table import has_robot_of, slots_of
 from deconflict.sweep.geometry.envelope_distances import gap
@@ -27,6 +28,7 @@ ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
 STOPS_M = 1.1
 """A robot stops by itself before a body that is as near ahead."""
+BY_SLOT = "_advised_until_s", "_was_moving", "_since_s", "_last_s"
 KEPT_S = 600.0
 """A pair is known to have followed advice for so long: losses are reported when they end, or last 60 s."""
 
@@ -106,11 +108,17 @@ class AdviceFollowers:
         self._of_pair: dict[int, tuple[float, float]] = {}
         """By code of a pair, from when until when."""
 
+    def table(self, slots: Mapping[str, int]) -> KeyedTable:
+        """What is known of these robots, by UUID."""
+        self._is_any_advised = True
+        columns = {name: getattr(self, name) for name in BY_SLOT}
+        return KeyedTable([(uuid,) for uuid in slots], list(slots.values()), columns)
+
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
         more = slots - len(self._was_moving)
         if more > 0:
-            lengthen(self, ("_advised_until_s", "_was_moving", "_since_s", "_last_s"), more)
+            lengthen(self, BY_SLOT, more)
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:

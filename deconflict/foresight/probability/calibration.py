@@ -141,13 +141,16 @@ class Posterior:
     def learn(self, features: Floats, expected: Floats, happened: Floats, weight: Floats, now_s: float) -> None:
         """One Newton step on n outcomes of pairs with these features (n, features). (n,) each are the `expected`
         probability, 1.0 if it `happened`, and the `weight` of the outcome."""
-        kept = _kept(self.as_of_s, now_s)
-        self.as_of_s = now_s
         certain = weight * expected * (1 - expected)
-        self.information = kept * self.information + (1 - kept) * self._prior_information
-        self.information += (features * certain[:, None]).T @ features
+        self.information = self.faded(now_s) + (features * certain[:, None]).T @ features
+        self.as_of_s = now_s
         self._covariance = None
         self.weights = self.weights + np.linalg.solve(self.information, features.T @ (weight * (happened - expected)))
+
+    def faded(self, now_s: float | None) -> Floats:
+        """(features, features) the information as it is at a time."""
+        kept = 1.0 if now_s is None else _kept(self.as_of_s, now_s)
+        return kept * self.information + (1 - kept) * self._prior_information
 
     def restore(self, weights: Floats, information: Floats, as_of_s: float | None) -> None:
         """Go on with what was learned before. Raises `UnreadableError` if it is not what anything can have learned."""
@@ -247,12 +250,13 @@ class Calibration:
     def learned(self) -> dict[str, Floats]:
         """A copy of the weights."""
         own, features = [self.by_vendors[code] for code in self.pair_codes().tolist()], len(self.prior.mean)
+        faded = [posterior.faded(posterior.as_of_s if self.as_of_s is None else self.as_of_s) for posterior in own]
         return {
             "weights": self.of_all.weights.copy(),
             "information": self.of_all.information.copy(),
             "ended": self.ended.copy(),
             "own_weights": np.array([posterior.weights for posterior in own]).reshape(-1, features),
-            "own_information": np.array([posterior.information for posterior in own]).reshape(-1, features, features),
+            "own_information": np.array(faded).reshape(-1, features, features),
         }
 
     def pair_codes(self) -> Ints:

@@ -85,13 +85,13 @@ class ProbabilityEstimator:
         self.start_times = StartTimes()
         self.learning = OutcomeLearning(horizon_s, measures)
         self._bounds = Bounds(clearance_m, apart_m, horizon_s)
-        self._robots, self._pending = TrackedRobots(crowds), PendingForecasts()
+        self._robots, self.pending = TrackedRobots(crowds), PendingForecasts()
         self._stated_ways = blank_records(0)
-        self.losses, self._followers = LossFinder(), AdviceFollowers()
+        self.losses, self.followers = LossFinder(), AdviceFollowers()
         self._candidates = PairCandidates(self._robots, clearance_m, horizon_s, claims)
-        self._measuring = PairMeasuring(self._bounds, self._robots, self._pending)
-        self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self._pending)
-        self._pairs = np.zeros(0, PAIR)
+        self._measuring = PairMeasuring(self._bounds, self._robots, self.pending)
+        self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self.pending)
+        self.pairs = np.zeros(0, PAIR)
         self._looked_s = float("-inf")
         measures.call_before_reading(self._measure)
 
@@ -150,13 +150,13 @@ class ProbabilityEstimator:
         """The errors of earlier forecasts that the reports show. Robots that wait as advised have none: their earlier
         forecasts are not held against them."""
         slots, robots = reports.slot, self._robots.records
-        before, before_s = robots[slots], self._pending.newest[slots, 0]
-        errors, stand = self._pending.add_reports(robots, self._robots.half_m, reports, self.ledger.bands_m)
-        followers = self._followers.record_waits(slots, stand, self._pending.newest, self._robots.half_m)
+        before, before_s = robots[slots], self.pending.newest[slots, 0]
+        errors, stand = self.pending.add_reports(robots, self._robots.half_m, reports, self.ledger.bands_m)
+        followers = self.followers.record_waits(slots, stand, self.pending.newest, self._robots.half_m)
         if len(followers):
-            self._pending.drop_forecasts(followers)
+            self.pending.drop_forecasts(followers)
             errors = errors[~np.isin(errors["robot"], followers)]
-        blocked, newest_s = self._rollouts.waits_for[slots] != NOBODY, self._pending.newest[slots, 0]
+        blocked, newest_s = self._rollouts.waits_for[slots] != NOBODY, self.pending.newest[slots, 0]
         record_starts(self.start_times, before, robots[slots], blocked, before_s, newest_s, now_s)
         return errors
 
@@ -177,10 +177,10 @@ class ProbabilityEstimator:
 
     def _note_interaction(self, interaction: Interaction) -> None:
         code = self._robots.pair_code(interaction.robot, interaction.other)
-        row = int(np.searchsorted(self._pairs["code"], code))
-        if row == len(self._pairs) or self._pairs["code"][row] != code:
+        row = int(np.searchsorted(self.pairs["code"], code))
+        if row == len(self.pairs) or self.pairs["code"][row] != code:
             return
-        pair = self._pairs[row]
+        pair = self.pairs[row]
         is_over = interaction.end_s < float("inf")
         pair["gives_way"] = not is_over
         if interaction.outcome is InteractionOutcome.YIELDED:
@@ -195,11 +195,11 @@ class ProbabilityEstimator:
         Returns the pairs of the exact sweep, and other pairs whose `deciding` is at least `likely`.
         """
         swept_codes, has_news = self._candidates.swept_codes(swept), self._robots.take_news()
-        known = self._pending, self.ledger.bands_m
-        nearby_codes = self._candidates.nearby_codes(has_news, *known, now_s, self._pairs)
+        known = self.pending, self.ledger.bands_m
+        nearby_codes = self._candidates.nearby_codes(has_news, *known, now_s, self.pairs)
         candidates = np.concatenate([swept_codes, nearby_codes])
-        pairs, fresh, rows, due = select_pairs(self._pairs, candidates, has_news, self._robots.is_dormant, now_s)
-        self._pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s
+        pairs, fresh, rows, due = select_pairs(self.pairs, candidates, has_news, self._robots.is_dormant, now_s)
+        self.pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s
         self._measuring.measure(
             pairs, due, swept, swept_rows, bands_m=self.following.bands_m, start_times=self.start_times,
             is_blocked=self._rollouts.is_blocked, now_s=now_s,
@@ -208,7 +208,7 @@ class ProbabilityEstimator:
         self.learning.learn(now_s, pairs, self._own_until_s, self._robots.pair_vendors)
         self._set_probabilities(now_s)
         if self.learning.is_due(now_s):
-            asked = pairs[open_rows(pairs, self._pending.newest, now_s - JOINED_S)]
+            asked = pairs[open_rows(pairs, self.pending.newest, now_s - JOINED_S)]
             asked = self._candidates.worth_learning_from(asked)
             self.learning.ask(now_s, asked["code"], asked["features"])
         rows, other_codes = rows_to_report(pairs, swept_rows, likely)
@@ -217,7 +217,7 @@ class ProbabilityEstimator:
 
     def _set_probabilities(self, now_s: float) -> None:
         """Set the probabilities of the watched pairs, from their features and from the other pairs of their robots."""
-        pairs, robots = self._pairs, self._robots
+        pairs, robots = self.pairs, self._robots
         stands, crowded, records = robots.is_standing(slice(None)), robots.is_crowded(), robots.records
         stays = records["stays"] | (now_s - records["stood_since_s"] >= STAYS_S)
         set_preemption(pairs, stands, stays, self._rollouts.waits_for, crowded, now_s, PREEMPTED_S, SETTLED_S)
@@ -240,37 +240,37 @@ class ProbabilityEstimator:
 
     def _of_heard(self, column: str) -> list[tuple[Pair, float]]:
         """What a column of the table has of each pair in no encounter of which both robots are heard."""
-        rank, rows = self._robots.rank, open_rows(self._pairs, self._pending.newest, self._looked_s - JOINED_S)
-        a, b = slots_of(self._pairs["code"][rows])
-        heard = self._pairs[rows[np.argsort(rank[a] * len(rank) + rank[b])]]
+        rank, rows = self._robots.rank, open_rows(self.pairs, self.pending.newest, self._looked_s - JOINED_S)
+        a, b = slots_of(self.pairs["code"][rows])
+        heard = self.pairs[rows[np.argsort(rank[a] * len(rank) + rank[b])]]
         return list(zip(self._robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
 
     def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots are advised to wait until these times, by UUID."""
         for uuid in until_s.keys() & self._robots.slots.keys():
             slot = self._robots.slots[uuid]
-            stands = self._robots.records["rests"][slot] or self._pending.speed_mps(slot) < STANDING_MPS
-            self._followers.note_advice(slot, now_s, until_s[uuid], bool(stands))
+            stands = self._robots.records["rests"][slot] or self.pending.speed_mps(slot) < STANDING_MPS
+            self.followers.note_advice(slot, now_s, until_s[uuid], bool(stands))
 
     def note_followed(self, now_s: float, followed: Iterable[Followed]) -> None:
         """Robots do what they were asked, each with that for which it was asked."""
         for robot, other in followed:
             if (code := self._code_of(robot, other)) is not None:
-                self._followers.note_followed(code, now_s)
+                self.followers.note_followed(code, now_s)
 
     def following_advice(self, now_s: float) -> list[str | Pair]:
         """UUIDs of the robots that wait as advised, by their newest reports, and the pairs of which one robot does what
         it was asked for the other."""
-        robots = sorted(self._robots.names[self._followers.waiting(now_s - JOINED_S)].tolist())
-        return [*robots, *sorted(self._robots.pair_names(self._followers.followed(now_s - JOINED_S)))]
+        robots = sorted(self._robots.names[self.followers.waiting(now_s - JOINED_S)].tolist())
+        return [*robots, *sorted(self._robots.pair_names(self.followers.followed(now_s - JOINED_S)))]
 
     def last_advised_wait_s(self, uuid: str) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was."""
-        return self._followers.last_wait_s(self._robots.slots.get(uuid))
+        return self.followers.last_wait_s(self._robots.slots.get(uuid))
 
     def has_followed(self, robot: str, other: str, at_s: float) -> bool:
         """Whether one of two robots did what it was asked for the other at `at_s`."""
-        return (code := self._code_of(robot, other)) is not None and self._followers.has_followed(code, at_s)
+        return (code := self._code_of(robot, other)) is not None and self.followers.has_followed(code, at_s)
 
     def _code_of(self, robot: str, other: str) -> int | None:
         """The code of two robots in any order; None if one of them is unknown."""
@@ -308,8 +308,8 @@ class ProbabilityEstimator:
 
     def let_sleep(self, uuids: Collection[str], now_s: float) -> None:
         """These robots stand until they report: no pair of two such robots is watched, and later they rest."""
-        resting = self._robots.let_sleep(uuids, now_s, self._pending.heard_s)
-        self._pending.rest(resting)
+        resting = self._robots.let_sleep(uuids, now_s, self.pending.heard_s)
+        self.pending.rest(resting)
         for interaction in self.losses.rest(resting):
             self._note_interaction(interaction)
 
@@ -317,8 +317,8 @@ class ProbabilityEstimator:
         """Robots have fallen silent. Whether one of them still gives way, or another robot to it, is not known."""
         slots = self._robots.slots_of(uuids)
         if len(slots):
-            is_theirs = has_robot_of(self._pairs["code"], slots)
-            self._pairs["gives_way"][is_theirs], self._pairs["gave_way_s"][is_theirs] = False, -np.inf
+            is_theirs = has_robot_of(self.pairs["code"], slots)
+            self.pairs["gives_way"][is_theirs], self.pairs["gave_way_s"][is_theirs] = False, -np.inf
 
     def resolve_absent(self, uuids: Collection[str]) -> None:
         """Silent robots turned out to be absent. The open questions about their pairs are answered: none met."""
@@ -327,24 +327,24 @@ class ProbabilityEstimator:
 
     def _resolve_left(self, uuids: Collection[str], were_present: bool) -> None:
         slots = self._robots.slots_of(uuids)
-        self.learning.resolve_left(slots, self._pairs, self._own_until_s, were_present=were_present)
+        self.learning.resolve_left(slots, self.pairs, self._own_until_s, were_present=were_present)
 
     def _own_until_s(self, code: Ints, asked_s: float) -> Floats:
         """(p,) until when both robots of each pair were heard and drove unadvised."""
-        return self._followers.own_until_s(self._pending.newest, code, asked_s, self._bounds.horizon_s)
+        return self.followers.own_until_s(self.pending.newest, code, asked_s, self._bounds.horizon_s)
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._stated_ways)
         if more > 0:
             self._stated_ways = np.concatenate([self._stated_ways, blank_records(more)])
-            for table in (self._pending, self._rollouts, self.losses, self._followers):
+            for table in (self.pending, self._rollouts, self.losses, self.followers):
                 table.grow(slots)
 
     def _forget(self, uuids: Collection[str]) -> None:
         if not len(slots := self._robots.remove(uuids)):
             return
         self._stated_ways[slots] = blank_records(len(slots))
-        for table in (self._pending, self._rollouts, self.losses, self._followers):
+        for table in (self.pending, self._rollouts, self.losses, self.followers):
             table.forget(slots)
-        a, b = slots_of(self._pairs["code"])
-        self._pairs = self._pairs[self._robots.is_used[a] & self._robots.is_used[b]]
+        a, b = slots_of(self.pairs["code"])
+        self.pairs = self.pairs[self._robots.is_used[a] & self._robots.is_used[b]]

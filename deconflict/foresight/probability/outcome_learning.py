@@ -153,7 +153,7 @@ class OutcomeLearning:
         """Of getting in each other's way."""
         self.contact = Calibration(CONTACT)
         """Of coming within the clearance alone."""
-        self._questions, self._measures = OpenQuestions(horizon_s), measures
+        self.questions, self._measures = OpenQuestions(horizon_s), measures
         self._asked_s = float("-inf")
 
     def is_due(self, now_s: float) -> bool:
@@ -163,16 +163,16 @@ class OutcomeLearning:
     def ask(self, now_s: float, code: Ints, features: Floats) -> None:
         """Ask for the outcomes of the pairs `code` (p,), which have these features (p, FEATURES) now."""
         self._asked_s = floor(now_s)
-        self._questions.ask(now_s, code, features)
+        self.questions.ask(now_s, code, features)
 
     def resolve_left(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool) -> None:
         """See `OpenQuestions.resolve_left`."""
-        self._questions.resolve_left(slots, pairs, own_until_s, were_present=were_present)
+        self.questions.resolve_left(slots, pairs, own_until_s, were_present=were_present)
 
     def learn(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil, vendors_of: Callable[[Ints], Ints]) -> None:
         """Learn from the questions that can be answered now. `vendors_of` returns one number for the two vendors of
         each code."""
-        for answer in self._questions.answered(now_s, pairs, own_until_s):
+        for answer in self.questions.answered(now_s, pairs, own_until_s):
             vendors = vendors_of(answer.code)
             self.calibration.learn(answer.features, vendors, answer.interacted, now_s)
             self.contact.learn(contact_features(answer.features), vendors, answer.touched, now_s)

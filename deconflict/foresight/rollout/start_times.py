@@ -85,6 +85,11 @@ class StartTimes:
         bins = (wanted[:, :, None] >= before[:, 1:]).sum(axis=2)
         return STOOD_S[bins] + (wanted - before[rows, bins]) / per_s[rows, bins] - stood_s
 
+    def restore(self, kind: Ints, counts: Floats, as_of_s: float | None) -> None:
+        """Go on with what `of_kinds` gave of these kinds (n,)."""
+        self._make_room(int(kind.max(initial=-1)) + 1)
+        self.counts[kind], self.as_of_s = counts, as_of_s
+
     def of_kinds(self, kind: Ints) -> Floats:
         """(n, 2, bins, 2) the counts of these kinds (n,)."""
         self._make_room(int(kind.max(initial=-1)) + 1)

@@ -8,9 +8,12 @@ from typing import NamedTuple
 from deconflict.settings.site import Site
 
 WARM_UP_S = 15.0
-"""The replayed engine starts this long before `from_s`. By then it has the same memory as the live engine had."""
+"""The replayed engine has the live engine's learned state this long before `from_s`."""
 LEAD_S = 40.0
 """Messages are read from this long before the engine starts. The estimate of a robot's clock needs 32 messages."""
+RUN_UP_S = 60.0
+"""An engine that was running runs again from this long before its learned state was taken. So it has the same memory of
+what was under way then: forecasts that are not compared with reports yet, open questions, looks at pairs."""
 
 
 class NearPair(NamedTuple):
@@ -48,6 +51,8 @@ class LearnedSnapshot(NamedTuple):
     """How long each vendor's robots had yielded."""
     is_start: bool = False
     """Whether an engine started with it: that has no memory of what was before."""
+    under_way: bytes = b""
+    """What it had under way at that tick, packed in the same way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +62,7 @@ class BoxSpan:
     lead_s: float
     """The box holds messages from here on."""
     engine_s: float
-    """The replayed engine starts here, with the learned state of this time."""
+    """The replayed engine has the learned state of this time: it starts here, or has run from `lead_s` on."""
     from_s: float
     """A replay gives exactly the decisions from here on."""
     until_s: float
@@ -70,7 +75,8 @@ class BoxSpan:
         from_s, until_s = min(pair.at_s for pair in pairs) - before_s, max(pair.at_s for pair in pairs) + after_s
         engine_s = snapshot.at_s if snapshot else from_s - WARM_UP_S
         exact_s = engine_s if snapshot and snapshot.is_start else engine_s + WARM_UP_S
-        return cls(engine_s - LEAD_S, engine_s, max(from_s, exact_s), until_s)
+        lead_s = RUN_UP_S if snapshot and not snapshot.is_start else LEAD_S
+        return cls(engine_s - lead_s, engine_s, max(from_s, exact_s), until_s)
 
 
 @dataclass(frozen=True, slots=True)

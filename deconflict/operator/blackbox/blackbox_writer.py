@@ -26,12 +26,15 @@ from deconflict.operator.blackbox.hindsight import recorded_tracks
 from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event, verified_near_miss
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
+from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict_client.situations import REVISION
+from ingest.fleet.prediction.kept_paces import KeptPaces, kept_paces
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.measures.measures import Measures
 from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import (
     UNREADABLE,
@@ -67,12 +70,12 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
     identities = [each for each in kept_identities(request.log) if each.arrival_s < request.span.lead_s]
     pending = [REVISION.validate_json(text) for text in request.pending]
     published = published_in(request.store, pending, request.span)
-    misses = _near_misses(request, identities, published.decided)
+    misses = _near_misses(request, identities, [*published.open, *published.decided])
     if not misses:
         return None
     archive = Archive(request.archive)
     chain = HashChain(archive.head())
-    name = f"blackbox-{datetime.fromtimestamp(misses[0].nearest.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
+    name = f"blackbox-{datetime.fromtimestamp(misses[0].event.began_s, UTC):%Y%m%dT%H%M%S%f}"[:-3] + "Z.jsonl.zst"
     path = request.archive / name
     with (
         replacing(path) as file,
@@ -94,12 +97,12 @@ def write_blackbox(request: BlackBoxRequest) -> Box | None:
 
 
 def _near_misses(
-    request: BlackBoxRequest, identities: Sequence[Received], decided: list[AnyAdvisory]
+    request: BlackBoxRequest, identities: Sequence[Received], published: list[AnyAdvisory]
 ) -> list[NearMiss]:
     """The near misses by the robots' own reports, one for each event, ordered by time."""
     robots = {uuid for pair in request.pairs for uuid in (pair.a, pair.b)}
     tracks, floors = recorded_tracks(request.site, _messages_of(request, identities, robots), robots)
-    conflicts = [advisory for advisory in decided if isinstance(advisory, ConflictAdvisory)]
+    conflicts = [advisory for advisory in published if isinstance(advisory, ConflictAdvisory)]
     verified = (
         verified_near_miss(pair, tracks, floors, request.site, conflicts, request.span.until_s)
         for pair in request.pairs
@@ -124,7 +127,7 @@ def _lines(
     request: BlackBoxRequest, identities: Sequence[Received], published: PublishedAdvisories, misses: list[NearMiss]
 ) -> Iterator[bytes]:
     """Every line except the last, without hashes."""
-    yield _line({"blackbox": _head(request, published, misses)})
+    yield _line({"blackbox": _head(request, identities, published, misses)})
     pending = [(advisory.updated_at.timestamp(), advisory) for advisory in reversed(published.decided)]
     for line, event in _events(request, identities):
         while pending and pending[-1][0] < _time(event, request.span.lead_s):
@@ -134,7 +137,9 @@ def _lines(
         yield _decision_line(at_s, advisory)
 
 
-def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> dict[str, Any]:
+def _head(
+    request: BlackBoxRequest, identities: Sequence[Received], published: PublishedAdvisories, misses: list[NearMiss]
+) -> dict[str, Any]:
     span, snapshot = request.span, request.snapshot
     restarts = [event for _, event in _events(request, ()) if isinstance(event, EngineStarted)]
     return {
@@ -142,14 +147,20 @@ def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list
         "site": _site(request.site),
         "from": timestamps.write(span.from_s),
         "until": timestamps.write(span.until_s),
-        "resumed": snapshot is not None and not snapshot.is_start,
+        "resumed_s": snapshot.at_s if _was_running(request) and snapshot else None,
         "engine_restarts": sum(restart.now_s > span.engine_s + 1.0 for restart in restarts),
         "near_misses": [miss.document() for miss in misses],
+        "paces": msgspec.to_builtins(_paces(request, identities)),
         "open": [advisory.model_dump(mode="json") for advisory in published.open],
         "encounters": _encounters(published),
         "burdens_s": snapshot.burdens_s if snapshot else {},
-        "learned": base64.b64encode(snapshot.learned).decode() if snapshot else None,
+        "learned": _text(snapshot.learned) if snapshot else None,
+        "under_way": _text(snapshot.under_way) if snapshot else None,
     }
+
+
+def _text(packed: bytes) -> str:
+    return base64.b64encode(packed).decode()
 
 
 def _site(site: Site) -> dict[str, Any]:
@@ -175,14 +186,11 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
     """The lines of the log that the box holds, in order, each with its event. First come the last messages before the
     lead, including the identity reports that were kept beside the log."""
     span = request.span
+    ticks_s = span.lead_s if _was_running(request) else span.engine_s
     last_messages: dict[tuple[str | None, str, bool], tuple[bytes, Event]] = {
         _sender(identity): (line_of(identity), identity) for identity in identities
     }
-    for line in _log_lines(request):
-        try:
-            event = parsed(line)
-        except UNREADABLE:
-            continue  # the receiver was killed while it wrote the line
+    for line, event in _parsed_lines(request):
         at_s = _time(event, span.lead_s)
         if at_s < span.lead_s:
             if isinstance(event, Received) and not event.refused:
@@ -193,8 +201,32 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
             last_messages.clear()
         if at_s > span.until_s:
             return
-        if not isinstance(event, Tick) or at_s > span.engine_s:
+        if not isinstance(event, Tick) or at_s > ticks_s:
             yield line, event
+
+
+def _parsed_lines(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
+    for line in _log_lines(request):
+        try:
+            yield line, parsed(line)
+        except UNREADABLE:
+            continue  # the receiver was killed while it wrote the line
+
+
+def _paces(request: BlackBoxRequest, identities: Sequence[Received]) -> KeptPaces:
+    """How fast robots were seen to drive before the lead, by the messages on topics: orders say no times."""
+    fleet = fleet_of(request.site, Measures())
+    for event in (*identities, *(event for _, event in _parsed_lines(request))):
+        if _time(event, request.span.lead_s) >= request.span.lead_s:
+            break
+        if isinstance(event, Received) and event.connection.topic and not event.refused:
+            fleet.receive_recorded(event)
+    return kept_paces(fleet.placement.pace_book, ((uuid, robot.pace) for uuid, robot in fleet.robots.items()))
+
+
+def _was_running(request: BlackBoxRequest) -> bool:
+    """Whether the box begins while an engine runs."""
+    return request.snapshot is not None and not request.snapshot.is_start
 
 
 def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:

@@ -62,6 +62,8 @@ class Keeper:
         self.site, self._log, self._store, self._measures = site, data / "log", store, measures
         self.archive = Archive(data / FOLDER)
         self._snapshots: deque[LearnedSnapshot] = deque(maxlen=SNAPSHOTS)
+        self._under_way = b""
+        """What the engine has under way at the next snapshot."""
         self._pending: list[tuple[float, NearPair]] = []
         """Each with the time at which it was noted, monotonic."""
         self._logged_behind = False
@@ -84,11 +86,16 @@ class Keeper:
         """An engine starts with the learned state of the one before; `learned` is empty if there is none."""
         self._snapshots.append(LearnedSnapshot(time.time(), learned, self._store.burdens_s(), is_start=True))
 
+    def note_under_way(self, under_way: bytes) -> None:
+        """What the engine has under way at the tick of the next snapshot."""
+        self._under_way = under_way
+
     def add_snapshot(self, learned: bytes) -> None:
         """Take in the engine's learned state at a tick. Boxes start at such moments."""
-        tick = unpacked(learned).get("tick")
-        if tick:
-            self._snapshots.append(LearnedSnapshot(float(tick["now_s"]), learned, self._store.burdens_s()))
+        under_way, self._under_way = self._under_way, b""
+        if tick := unpacked(learned).get("tick"):
+            burdens_s = self._store.burdens_s()
+            self._snapshots.append(LearnedSnapshot(float(tick["now_s"]), learned, burdens_s, under_way=under_way))
 
     async def run(self) -> None:
         """Write each box when it is due, until cancelled."""

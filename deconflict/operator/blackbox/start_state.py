@@ -13,9 +13,12 @@ from pydantic import ValidationError
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.settings.site import Site
 from deconflict_client.advisory import ADVISORY, AnyAdvisory
+from ingest.fleet.prediction.kept_paces import PACES, KeptPaces
 from ingest.recording.log_reader import lines_of
 
-FORMAT = 1
+FORMAT = 2
+OLDEST_FORMAT = 1
+"""Of it, a box that begins while an engine runs lacks the time before."""
 _TORN = (OSError, EOFError, zstandard.ZstdError)
 
 
@@ -33,6 +36,12 @@ class StartState:
     burdens_s: dict[str, float] = field(default_factory=dict)
     """How long each vendor's robots have yielded."""
     learned: Mapping[str, Part] | None = None
+    under_way: Mapping[str, Part] = field(default_factory=dict)
+    """What a running engine had under way, which an engine takes over that has made the same passes."""
+    paces: KeptPaces = field(default_factory=KeptPaces)
+    """How fast robots were seen to drive before the first message."""
+    resumed_s: float | None = None
+    """The pass at which a running engine had this state; None if an engine started with it."""
 
 
 def head_of(file: Path) -> dict[str, Any] | None:
@@ -44,8 +53,8 @@ def head_of(file: Path) -> dict[str, Any] | None:
         return None
     if not isinstance(document, dict) or not isinstance(head := document.get("blackbox"), dict):
         return None
-    if head.get("format") != FORMAT:
-        raise BoxError(f"{file} has format {head.get('format')} and this release reads format {FORMAT}")
+    if head.get("format") not in range(OLDEST_FORMAT, FORMAT + 1):
+        raise BoxError(f"{file} has format {head.get('format')} and this release reads up to format {FORMAT}")
     return head
 
 
@@ -60,12 +69,20 @@ def site_of(head: Mapping[str, Any]) -> Site:
 def start_of(head: Mapping[str, Any]) -> StartState:
     """The state of the engine. Raises `BoxError`."""
     try:
-        learned = base64.b64decode(head["learned"] or "", validate=True)
+        resumed_s = head.get("resumed_s")
         return StartState(
             tuple(ADVISORY.validate_python(advisory) for advisory in head["open"]),
             {(a, b): int(count) for a, b, count in head["encounters"]},
             {str(vendor): float(yielded_s) for vendor, yielded_s in head["burdens_s"].items()},
-            unpacked(learned) if learned else None,
+            _parts(head["learned"]) or None,
+            _parts(head.get("under_way")),
+            PACES.decode(json.dumps(head.get("paces", {}))),
+            None if resumed_s is None else float(resumed_s),
         )
     except (KeyError, TypeError, ValueError, AttributeError, UnreadableError) as error:
         raise BoxError(f"the black box lacks the state of the engine: {error}") from error
+
+
+def _parts(text: str | None) -> dict[str, Part]:
+    """The parts that are written as this text."""
+    return unpacked(base64.b64decode(text, validate=True)) if text else {}

@@ -75,7 +75,7 @@ class Delivery:
         self._sender, self._lost = uuid4().hex, 0
         """The name under which losses are sent, and the number of their last parcel."""
         self._added_bytes = self._delivered_bytes = 0
-        self._learned: deque[dict[str, Part]] = deque(maxlen=1)
+        self._learned: deque[tuple[dict[str, Part], dict[str, Part]]] = deque(maxlen=1)
         self._answers: deque[AnsweredAdvice] = deque()
         self._answers_seq, self._answers_s, self._asks = -1, 0.0, False
         """The last number of the stream that was read for answers, when that was, and whether there may be any."""
@@ -155,9 +155,9 @@ class Delivery:
         """The answers to advice that have come since the last call."""
         return [self._answers.popleft() for _ in range(len(self._answers))]
 
-    def keep(self, learned: dict[str, Part]) -> None:
-        """Deliver the learned state after the next parcel. Replaces one that still waits."""
-        self._learned.append(learned)
+    def keep(self, learned: dict[str, Part], under_way: dict[str, Part]) -> None:
+        """Deliver the learned state, and what is under way, after the next parcel. Replaces what still waits."""
+        self._learned.append((learned, under_way))
 
     def _lines(self, revisions: Iterable[AnyAdvisory | RobotAdvice]) -> Iterator[bytes]:
         """Each revision as a line of JSON."""
@@ -186,7 +186,9 @@ class Delivery:
     def _deliver_learned(self) -> None:
         with suppress(LinkDownError):  # the next one comes in a minute
             while self._learned:
-                self._operator.call("learn", packed(self._learned.pop()))
+                learned, under_way = self._learned.pop()
+                self._operator.call("under_way", packed(under_way))
+                self._operator.call("learn", packed(learned))
 
     def _fetch_answers(self) -> None:
         """Ask the operator face for answers to advice, some times a second."""

@@ -6,12 +6,13 @@ from dataclasses import replace
 from math import ceil, inf, nan
 from typing import NamedTuple
 
+from deconflict.foresight.near_misses.warning_before import WITHIN_S, lead_of, warning_before
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from ingest.batch import Pair
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence
 from metrics.truth.advised_waits import AdvisedWaits
-from metrics.truth.pair_outcomes import NOTHING, WITHIN_S, AllPairOutcomes, PairOutcomes, Verdict
+from metrics.truth.pair_outcomes import NOTHING, AllPairOutcomes, PairOutcomes, Verdict
 from metrics.truth.recorded_motion import RecordedPlace
 
 LEADS_S = (2.0, 4.0, 6.0)
@@ -161,18 +162,9 @@ def _warned(alerts: Sequence[Alert], onset_s: float) -> tuple[bool, ...]:
     """Whether the alerts of its pair preceded an onset, see `JudgedOnset.warned`."""
     standing_s = [alert.raised_s for alert in alerts if alert.raised_s <= onset_s < alert.cleared_s]
     leads = [any(raised_s <= onset_s - lead_s for raised_s in standing_s) for lead_s in LEADS_S]
-    return (*leads, _before(alerts, onset_s) is not None)
+    return (*leads, warning_before(alerts, onset_s) is not None)
 
 
 def _ahead_s(alerts: Sequence[Alert], onset_s: float) -> float:
-    warning = _before(alerts, onset_s)
-    return nan if warning is None else onset_s - warning.raised_s
-
-
-def _before(alerts: Sequence[Alert], onset_s: float) -> Alert | None:
-    """Of the alerts of a pair, the warning of an onset; None if it was not warned of.
-
-    An alert that is open at the onset comes before a cleared alert, and an earlier alert before a later alert.
-    """
-    before = (alert for alert in alerts if alert.raised_s <= onset_s and alert.cleared_s > onset_s - WITHIN_S)
-    return min(before, key=lambda alert: (alert.cleared_s <= onset_s, alert.raised_s), default=None)
+    lead = lead_of(warning_before(alerts, onset_s), onset_s)
+    return lead.raised_s if lead else nan

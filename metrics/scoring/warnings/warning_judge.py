@@ -7,6 +7,7 @@ judgement needs the motion on both sides of a moment, so the counts are behind b
 from collections.abc import Iterable
 from math import floor, inf
 
+from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
@@ -17,7 +18,7 @@ from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresenc
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
-from metrics.truth.pair_outcomes import FRESH_S, WITHIN_S, AllPairOutcomes, outcome_of
+from metrics.truth.pair_outcomes import FRESH_S, AllPairOutcomes, outcome_of
 
 QUIET_S = WITHIN_S + FRESH_S + 15.0
 """Reports of an event arrive, and a robot is seen to yield, within the last part of it."""

@@ -192,7 +192,7 @@ def two_at_the_door() -> Judged:
 
 
 def watched_pairs(floor: Judged) -> list[tuple[str, str]]:
-    pairs, robots = floor.engine.foresight._pairs, floor.engine.foresight._robots
+    pairs, robots = floor.engine.foresight.pairs, floor.engine.foresight._robots
     return robots.pair_names(pairs["code"][pairs["watched"]])
 
 

@@ -107,7 +107,7 @@ def test_giving_way_is_forgotten_when_one_of_the_two_falls_silent(silent: str) -
     stage.walks["a"] = Walk((0.0, -1.6), (0.0, 0.0), says=(0.0, 1.0))
     for t_s in range(9, 12):
         stage.second(t_s)
-    pairs = stage.foresight._pairs
+    pairs = stage.foresight.pairs
     assert pairs["gives_way"].tolist() == [True]
     stage.foresight.mark_silent(["nobody"])
     assert pairs["gives_way"].tolist() == [True]

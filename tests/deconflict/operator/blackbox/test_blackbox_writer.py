@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 import zstandard
 
+from deconflict.foresight.near_misses.near_events import NearEvent
 from deconflict.operator.blackbox.archive import Box
+from deconflict.operator.blackbox.blackbox_request import KnownNearMiss
 from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, verified
-from deconflict.operator.blackbox.hindsight import NearestApproach
 from deconflict.operator.blackbox.keeper import known_of
 from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event
 from deconflict.settings.fleet_factory import fleet_of
@@ -42,8 +43,8 @@ def box(floor: Floor) -> Box:
 
 def made_miss(began_s: float, nearest_s: float) -> NearMiss:
     nobody: tuple[str, str] = ("A-1", "B-1")
-    nearest = NearestApproach(began_s, 0.1, nearest_s)
-    return NearMiss(nobody, nobody, nobody, 0.3, nearest, ("hall", 0.0, 0.0), (None, None), None, None)
+    event = NearEvent(began_s, nearest_s + 0.5, 0.1, nearest_s)
+    return NearMiss(nobody, nobody, nobody, 0.3, event, ("hall", 0.0, 0.0), (None, None), None)
 
 
 def file_of(floor: Floor, box: Box) -> Path:
@@ -80,11 +81,10 @@ def test_an_approach_that_the_engine_notices_twice_is_one_near_miss_and_no_other
     assert write_blackbox(replace(order, known=known_of([again]))) is None
 
 
-@pytest.mark.parametrize(("apart_s", "events"), [(2.0, 1), (4.0, 2)])
-def test_a_pair_that_meets_again_after_it_was_apart_is_another_event(apart_s: float, events: int) -> None:
-    first = made_miss(10.0, 11.0)
-    second = made_miss(11.0 + apart_s, 11.5 + apart_s)
-    assert len(one_for_each_event([second, first], ())) == events
+def test_what_an_earlier_box_has_of_an_event_is_not_listed_again() -> None:
+    first, second = made_miss(10.0, 11.0), made_miss(15.0, 15.5)
+    assert one_for_each_event([second, first, first], ()) == [first, second]
+    assert one_for_each_event([second, first], [KnownNearMiss(first.robots, 10.7)]) == [second]
 
 
 def test_the_stated_delay_avoids_the_near_miss_and_a_delay_one_step_shorter_does_not(tmp_path: Path, box: Box) -> None:
