@@ -41,7 +41,7 @@ class Placement:
         self._vendors, self._frames, self._reading = vendors, frames, reading
         self._floors = FloorIndex(frames)
         self._model_sizes = ModelSizes()
-        self.pace_book = PaceBook()
+        self._pace_book = PaceBook()
         self._shared_context = lru_cache(MAX_CONTEXTS)(self._new_context)
 
     @property
@@ -114,7 +114,6 @@ class Placement:
         if status.is_blocked and not robot.was_blocked:  # it may be coming to a stop
             robot.seen = replace(robot.seen, is_driving=False)
         robot.was_blocked = status.is_blocked
-        robot.pace = self.pace_book.take_up(robot.uuid, robot.pace)
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
         robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
@@ -152,7 +151,7 @@ class Placement:
             robot.context = self._shared_context(robot.vendor, datum, self._body(robot, loaded, loads))
             robot.context_key = key
             robot.participant = participant_of(self._vendors.settings(robot.vendor), robot.model, robot.uuid)
-            robot.pace.of_model = self.pace_book.of_model(robot.vendor, robot.model)
+            robot.pace.of_model = self._pace_book.of_model(robot.vendor, robot.model)
         return robot.context
 
     def _new_context(self, vendor: str, datum: str, body: RobotBody) -> ForecastContext:

@@ -17,7 +17,6 @@ from deconflict.settings.site import Site
 from deconflict_client.verbs import Followed
 from ingest.batch import Batch
 from ingest.fleet import fleet_report
-from ingest.fleet.prediction.kept_paces import KeptPaces, take_over
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Given, Received, Tick
 from metrics.replay import conformance_counts
@@ -52,11 +51,8 @@ class EnginePass:
 class PassReader:
     """Feeds the messages of one log to one fleet and cuts its state into passes."""
 
-    def __init__(self, site: Site, paces: KeptPaces | None = None) -> None:
-        """`paces` is how fast robots were seen to drive before the log."""
+    def __init__(self, site: Site) -> None:
         self.fleet = fast_fleet_of(site, Measures())
-        if paces:
-            take_over(paces, self.fleet.placement.pace_book)
         self.messages = 0
         self.first_s, self.last_s = inf, -inf
         """Arrival of the first and the last message."""

@@ -61,7 +61,7 @@ def replay(
     moments are found as far as the widest of all. Only `speed_x_real_time` differs between two runs.
     """
     began = time.perf_counter()
-    passes = PassReader(site, start.paces)
+    passes = PassReader(site)
     engines = [EngineRun(site, clearance_m, start) for clearance_m in clearances_m]
     scores = LogScores(site, clearances_m, beside_m)
     for engine_pass in chain(passes.passes_of(events), passes.last_passes()):

@@ -11,6 +11,9 @@ WARM_UP_S = 15.0
 """The replayed engine has the live engine's learned state this long before `from_s`."""
 LEAD_S = 40.0
 """Messages are read from this long before the engine starts. The estimate of a robot's clock needs 32 messages."""
+PACE_S = 360.0
+"""Messages on topics are read from this long before the state of a running engine. Orders say no times: how fast their
+robots drive was learned from the minutes before."""
 RUN_UP_S = 60.0
 """An engine that was running runs again from this long before its learned state was taken. So it has the same memory of
 what was under way then: forecasts that are not compared with reports yet, open questions, looks at pairs."""
@@ -61,6 +64,8 @@ class BoxSpan:
 
     lead_s: float
     """The box holds messages from here on."""
+    paced_s: float
+    """The box holds messages on topics from here on."""
     engine_s: float
     """The replayed engine has the learned state of this time: it starts here, or has run from `lead_s` on."""
     from_s: float
@@ -75,8 +80,9 @@ class BoxSpan:
         from_s, until_s = min(pair.at_s for pair in pairs) - before_s, max(pair.at_s for pair in pairs) + after_s
         engine_s = snapshot.at_s if snapshot else from_s - WARM_UP_S
         exact_s = engine_s if snapshot and snapshot.is_start else engine_s + WARM_UP_S
-        lead_s = RUN_UP_S if snapshot and not snapshot.is_start else LEAD_S
-        return cls(engine_s - lead_s, engine_s, max(from_s, exact_s), until_s)
+        is_running = snapshot is not None and not snapshot.is_start
+        lead_s, paced_s = (RUN_UP_S, PACE_S) if is_running else (LEAD_S, LEAD_S)
+        return cls(engine_s - lead_s, engine_s - paced_s, engine_s, max(from_s, exact_s), until_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,15 +26,12 @@ from deconflict.operator.blackbox.hindsight import recorded_tracks
 from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event, verified_near_miss
 from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
-from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict_client.situations import REVISION
-from ingest.fleet.prediction.kept_paces import KeptPaces, kept_paces
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
-from ingest.measures.measures import Measures
 from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import (
     UNREADABLE,
@@ -57,6 +54,8 @@ OMITTED_SECTIONS = {"operator", "receiver", "webhooks", "mqtt", "mqtt_sources", 
 """Sections of the site that a replay does not need."""
 OMITTED_VENDOR_KEYS = {"token", "certificate_names", "dial"}
 """Keys of a vendor that a replay does not need, and that may hold secrets."""
+_LastMessages = dict[tuple[str | None, str, bool], tuple[bytes, Event]]
+"""By sender."""
 EARLIER_SEGMENTS = 1
 """Number of log segments before the lead that are searched for the last messages of quiet robots."""
 
@@ -127,7 +126,7 @@ def _lines(
     request: BlackBoxRequest, identities: Sequence[Received], published: PublishedAdvisories, misses: list[NearMiss]
 ) -> Iterator[bytes]:
     """Every line except the last, without hashes."""
-    yield _line({"blackbox": _head(request, identities, published, misses)})
+    yield _line({"blackbox": _head(request, published, misses)})
     pending = [(advisory.updated_at.timestamp(), advisory) for advisory in reversed(published.decided)]
     for line, event in _events(request, identities):
         while pending and pending[-1][0] < _time(event, request.span.lead_s):
@@ -137,9 +136,7 @@ def _lines(
         yield _decision_line(at_s, advisory)
 
 
-def _head(
-    request: BlackBoxRequest, identities: Sequence[Received], published: PublishedAdvisories, misses: list[NearMiss]
-) -> dict[str, Any]:
+def _head(request: BlackBoxRequest, published: PublishedAdvisories, misses: list[NearMiss]) -> dict[str, Any]:
     span, snapshot = request.span, request.snapshot
     restarts = [event for _, event in _events(request, ()) if isinstance(event, EngineStarted)]
     return {
@@ -150,7 +147,6 @@ def _head(
         "resumed_s": snapshot.at_s if _was_running(request) and snapshot else None,
         "engine_restarts": sum(restart.now_s > span.engine_s + 1.0 for restart in restarts),
         "near_misses": [miss.document() for miss in misses],
-        "paces": msgspec.to_builtins(_paces(request, identities)),
         "open": [advisory.model_dump(mode="json") for advisory in published.open],
         "encounters": _encounters(published),
         "burdens_s": snapshot.burdens_s if snapshot else {},
@@ -187,41 +183,26 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
     lead, including the identity reports that were kept beside the log."""
     span = request.span
     ticks_s = span.lead_s if _was_running(request) else span.engine_s
-    last_messages: dict[tuple[str | None, str, bool], tuple[bytes, Event]] = {
-        _sender(identity): (line_of(identity), identity) for identity in identities
-    }
-    for line, event in _parsed_lines(request):
-        at_s = _time(event, span.lead_s)
-        if at_s < span.lead_s:
+    before = {False: _LastMessages(), True: _LastMessages()}
+    for identity in identities:
+        before[bool(identity.connection.topic)][_sender(identity)] = line_of(identity), identity
+    for line in _log_lines(request):
+        try:
+            event = parsed(line)
+        except UNREADABLE:
+            continue  # the receiver was killed while it wrote the line
+        at_s, on_topic = _time(event, span.lead_s), isinstance(event, Received) and bool(event.connection.topic)
+        if at_s < (span.paced_s if on_topic else span.lead_s):
             if isinstance(event, Received) and not event.refused:
-                last_messages[_sender(event)] = line, event
+                before[on_topic][_sender(event)] = line, event
             continue
-        if last_messages:
+        for last_messages in (before[True], before[False]) if at_s >= span.lead_s else (before[True],):
             yield from last_messages.values()
             last_messages.clear()
         if at_s > span.until_s:
             return
         if not isinstance(event, Tick) or at_s > ticks_s:
             yield line, event
-
-
-def _parsed_lines(request: BlackBoxRequest) -> Iterator[tuple[bytes, Event]]:
-    for line in _log_lines(request):
-        try:
-            yield line, parsed(line)
-        except UNREADABLE:
-            continue  # the receiver was killed while it wrote the line
-
-
-def _paces(request: BlackBoxRequest, identities: Sequence[Received]) -> KeptPaces:
-    """How fast robots were seen to drive before the lead, by the messages on topics: orders say no times."""
-    fleet = fleet_of(request.site, Measures())
-    for event in (*identities, *(event for _, event in _parsed_lines(request))):
-        if _time(event, request.span.lead_s) >= request.span.lead_s:
-            break
-        if isinstance(event, Received) and event.connection.topic and not event.refused:
-            fleet.receive_recorded(event)
-    return kept_paces(fleet.placement.pace_book, ((uuid, robot.pace) for uuid, robot in fleet.robots.items()))
 
 
 def _was_running(request: BlackBoxRequest) -> bool:
@@ -231,7 +212,7 @@ def _was_running(request: BlackBoxRequest) -> bool:
 
 def _log_lines(request: BlackBoxRequest) -> Iterator[bytes]:
     files = segments_until(request.log, request.span.until_s)
-    before_lead = bisect_right(files, request.span.lead_s, key=begun_s)
+    before_lead = bisect_right(files, request.span.paced_s, key=begun_s)
     for file in files[max(before_lead - 1 - EARLIER_SEGMENTS, 0) :]:
         try:
             yield from lines_of(file)

@@ -13,7 +13,6 @@ from pydantic import ValidationError
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.settings.site import Site
 from deconflict_client.advisory import ADVISORY, AnyAdvisory
-from ingest.fleet.prediction.kept_paces import PACES, KeptPaces
 from ingest.recording.log_reader import lines_of
 
 FORMAT = 2
@@ -38,8 +37,6 @@ class StartState:
     learned: Mapping[str, Part] | None = None
     under_way: Mapping[str, Part] = field(default_factory=dict)
     """What a running engine had under way, which an engine takes over that has made the same passes."""
-    paces: KeptPaces = field(default_factory=KeptPaces)
-    """How fast robots were seen to drive before the first message."""
     resumed_s: float | None = None
     """The pass at which a running engine had this state; None if an engine started with it."""
 
@@ -76,7 +73,6 @@ def start_of(head: Mapping[str, Any]) -> StartState:
             {str(vendor): float(yielded_s) for vendor, yielded_s in head["burdens_s"].items()},
             _parts(head["learned"]) or None,
             _parts(head.get("under_way")),
-            PACES.decode(json.dumps(head.get("paces", {}))),
             None if resumed_s is None else float(resumed_s),
         )
     except (KeyError, TypeError, ValueError, AttributeError, UnreadableError) as error:

@@ -6,7 +6,6 @@ over a window of motion is not moved by starts and stops, and follows a change o
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Iterable
 from math import ceil, cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
@@ -66,29 +65,19 @@ class ObservedSpeeds:
     def __init__(self, window_s: float, part: float) -> None:
         """`part` of them are smaller than the usual one."""
         self._window_s, self._part, self.seen_s = window_s, part, 0.0
-        self.samples: deque[tuple[float, float]] = deque()
+        self._samples: deque[tuple[float, float]] = deque()
         self._usual: float | None = None
 
-    @classmethod
-    def of(
-        cls, kind: Kind, samples: Iterable[tuple[float, float]], seen_s: float, *, of_model: bool
-    ) -> "ObservedSpeeds":
-        """Those on ways of a kind, of one robot or of a model; the samples with how long each lasted."""
-        speeds = cls(USUAL_S if of_model else OWN_S, FULL_TURN if kind == TURN else 0.5)
-        speeds.samples.extend(samples)
-        speeds.seen_s = seen_s
-        return speeds
-
     def add(self, lasted_s: float, speed: float) -> None:
-        self.samples.append((lasted_s, speed))
+        self._samples.append((lasted_s, speed))
         self.seen_s, self._usual = self.seen_s + lasted_s, None
-        while self.seen_s - self.samples[0][0] >= self._window_s:
-            self.seen_s -= self.samples.popleft()[0]
+        while self.seen_s - self._samples[0][0] >= self._window_s:
+            self.seen_s -= self._samples.popleft()[0]
 
     @property
     def usual(self) -> float:
         if self._usual is None:
-            speeds = sorted(speed for _, speed in self.samples)
+            speeds = sorted(speed for _, speed in self._samples)
             self._usual = speeds[ceil(self._part * len(speeds)) - 1]
         return self._usual
 
@@ -111,26 +100,6 @@ class Pace:
         """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
         self._beyond_path: tuple[Knot, float, float] | None = None
         """The end of a path, and the direction and the speed with which it was thought to go on there."""
-
-    @classmethod
-    def of(
-        cls,
-        own: SpeedsByKind,
-        kind: Kind | None,
-        since: Sighting | None,
-        beyond_corner: tuple[float, float, float] | None,
-        beyond_path: tuple[Knot, float, float] | None,
-    ) -> "Pace":
-        """One of which this was seen, and that is compared next with the last three, as `awaited` gives them."""
-        pace = cls()
-        pace.own, pace.kind = own, kind
-        pace._from, pace._beyond_corner, pace._beyond_path = since, beyond_corner, beyond_path
-        return pace
-
-    @property
-    def awaited(self) -> tuple[Sighting | None, tuple[float, float, float] | None, tuple[Knot, float, float] | None]:
-        """What it is compared with next: a sighting, a place beyond a corner, and the end of a path."""
-        return self._from, self._beyond_corner, self._beyond_path
 
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
@@ -197,12 +166,11 @@ class Pace:
             self._beyond_corner = None
 
     def _add(self, kind: Kind, lasted_s: float, speed: float) -> None:
-        for by_kind, of_model in ((self.own, False), (self.of_model, True)):
-            if kind not in by_kind:
-                if len(by_kind) >= MOST_KINDS:
-                    del by_kind[next(iter(by_kind))]
-                by_kind[kind] = ObservedSpeeds.of(kind, (), 0.0, of_model=of_model)
-            by_kind[kind].add(lasted_s, speed)
+        for by_kind, window_s in ((self.own, OWN_S), (self.of_model, USUAL_S)):
+            if kind not in by_kind and len(by_kind) >= MOST_KINDS:
+                del by_kind[next(iter(by_kind))]
+            part = FULL_TURN if kind == TURN else 0.5
+            by_kind.setdefault(kind, ObservedSpeeds(window_s, part)).add(lasted_s, speed)
 
 
 def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:
@@ -214,23 +182,13 @@ class PaceBook:
     """What was seen of the robots of each model of each vendor."""
 
     def __init__(self) -> None:
-        self.seen_before: dict[str, Pace] = {}
-        """By UUID, what was seen of robots that are not heard yet."""
-        self.models: OrderedDict[tuple[str, str], SpeedsByKind] = OrderedDict()
-
-    def take_up(self, uuid: str, pace: Pace) -> Pace:
-        """What was seen of a robot before, if there is anything, for a robot that is heard."""
-        before = self.seen_before.pop(uuid, None)
-        if before is None:
-            return pace
-        before.of_model = pace.of_model
-        return before
+        self._models: OrderedDict[tuple[str, str], SpeedsByKind] = OrderedDict()
 
     def of_model(self, vendor: str, model: str) -> SpeedsByKind:
-        known = self.models.setdefault((vendor, model), {})
-        self.models.move_to_end((vendor, model))
-        if len(self.models) > MOST_MODELS:
-            self.models.popitem(last=False)
+        known = self._models.setdefault((vendor, model), {})
+        self._models.move_to_end((vendor, model))
+        if len(self._models) > MOST_MODELS:
+            self._models.popitem(last=False)
         return known
 
 

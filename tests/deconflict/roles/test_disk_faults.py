@@ -39,7 +39,9 @@ def in_pages(page_after: Callable[[Any], list[Any]]) -> list[Any]:
     return entries
 
 
-SPAN = BoxSpan(*(START.timestamp() + second for second in (0, 60, 60, 180)))
+SPAN = BoxSpan(
+    START.timestamp(), START.timestamp(), START.timestamp() + 60, START.timestamp() + 60, START.timestamp() + 180
+)
 READS: dict[str, Callable[[Store], Any]] = {
     "latest": lambda store: store.latest("all"),
     "two of it": lambda store: store.latest("all", limit=2),

@@ -3,7 +3,7 @@ from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.store import Store
 from tests.helpers.made_advisories import START, made, situation
 
-SPAN = BoxSpan(*(START.timestamp() + second for second in (100, 130, 200, 400)))
+SPAN = BoxSpan(*(START.timestamp() + second for second in (100, 100, 130, 200, 400)))
 
 
 def test_a_black_box_has_advisories_and_no_situations_on_disk_or_in_memory(store: Store) -> None:
