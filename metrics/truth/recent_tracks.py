@@ -18,12 +18,17 @@ class RecentTracks:
     def add_batch(self, batch: Batch) -> None:
         """Add the present poses of robots: the first knots of their forecasts."""
         f = batch.forecasts
-        columns = (*(column[f.start[:-1]] for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor)), f.bottom_m, f.top_m)
+        columns = (
+            *(column[f.start[:-1]] for column in (f.t_s, f.x_m, f.y_m, f.yaw_rad, f.floor)),
+            f.bottom_m,
+            f.top_m,
+            f.length_m,
+            f.width_m,
+        )
         poses = map(ReportedPose, *(column.tolist() for column in columns))
-        sizes_m = zip(f.length_m.tolist(), f.width_m.tolist(), strict=True)
-        for row, (robot, pose, size_m) in enumerate(zip(batch.robots, poses, sizes_m, strict=True)):
+        for row, (robot, pose) in enumerate(zip(batch.robots, poses, strict=True)):
             track = self._tracks[robot]
-            track.add(pose, *size_m, f.shape(row))
+            track.add(pose, f.shape(row))
             track.forget_before(pose.t_s - KEPT_S)
 
     def event(self, pair: Pair, clearance_m: float, at_s: float, until_s: float) -> NearEvent | None:

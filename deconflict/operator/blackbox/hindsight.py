@@ -42,8 +42,9 @@ def _add_pose(track: RecordedTrack, robot: Robot) -> None:
     if forecast:
         track.name, track.vendor = robot.name, robot.vendor
         t_s, x_m, y_m, yaw_rad = forecast.knots[0]
-        pose = ReportedPose(t_s, x_m, y_m, yaw_rad, forecast.floors[0], forecast.bottom_m, forecast.top_m)
-        track.add(pose, forecast.length_m, forecast.width_m, forecast.shape)
+        levels_and_size = forecast.bottom_m, forecast.top_m, forecast.length_m, forecast.width_m
+        pose = ReportedPose(t_s, x_m, y_m, yaw_rad, forecast.floors[0], *levels_and_size)
+        track.add(pose, forecast.shape)
 
 
 def avoiding_delays_s(a: Forecasts, b: Forecasts, clearance_m: float, at_s: float) -> tuple[float | None, float | None]:

@@ -19,8 +19,8 @@ def first_event(a: Forecasts, b: Forecasts, clearance_m: float, begin_s: float, 
 def track(*reports: tuple[float, float, float, float], floors: tuple[int, ...] = ()) -> RecordedTrack:
     """A robot of 1 x 1 x 1 m, by time, x, y and bottom."""
     rows = zip(reports, floors or (0,) * len(reports), strict=True)
-    known = [ReportedPose(t, x, y, 0.0, floor, bottom, bottom + 1.0) for (t, x, y, bottom), floor in rows]
-    return RecordedTrack("A", "acme", known, 1.0, 1.0)
+    known = [ReportedPose(t, x, y, 0.0, floor, bottom, bottom + 1.0, 1.0, 1.0) for (t, x, y, bottom), floor in rows]
+    return RecordedTrack("A", "acme", known)
 
 
 def stands(bottom_m: float) -> RecordedTrack:
@@ -67,7 +67,7 @@ def test_heights_that_hardly_change_or_are_unknown_count_as_one() -> None:
     assert len(shaking.forecasts()) == 1
     assert (shaking.forecasts().bottom_m[0], shaking.forecasts().top_m[0]) == (0.0, pytest.approx(1.04))
     unknown = RecordedTrack(
-        "A", "acme", [ReportedPose(float(t), 0.0, 0.0, 0.0, 0, -inf, inf) for t in range(3)], 1.0, 1.0
+        "A", "acme", [ReportedPose(float(t), 0.0, 0.0, 0.0, 0, -inf, inf, 1.0, 1.0) for t in range(3)]
     )
     assert len(unknown.forecasts()) == 1
     assert first_event(unknown.forecasts(), stands(9.0).forecasts(), 6.0, 0.0, 2.0)
