@@ -2,22 +2,26 @@
 
 from pathlib import Path
 
+from deconflict.simulation.drills.drill_outcomes import DrillOutcome
 from deconflict.simulation.drills.drill_run import played
-from deconflict.simulation.drills.drill_scripts import DRILLS
+from deconflict.simulation.drills.drill_scripts import DRILLS, Drill
 from metrics.monitoring.exposition import render
 
 
 async def test_following_the_advice_of_the_running_service_ends_each_drill_at_the_promised_cost(tmp_path: Path) -> None:
     outcomes = dict(zip(DRILLS, await played(DRILLS, tmp_path / "first", render), strict=True))
-    prevented = [drill for drill, outcome in outcomes.items() if not outcome.told and outcome.passed_on]
-    assert len(prevented) <= 1
-    assert all(outcomes[drill].through for drill in prevented)
-    if prevented:  # advice on a conflict came before the deadlock was foreseen: on a busy machine either may be first
-        outcomes |= dict(zip(prevented, await played(prevented, tmp_path / "again", render), strict=True))
+    assert all(outcome.through for outcome in outcomes.values()), outcomes
+    others = [drill for drill, outcome in outcomes.items() if not is_as_promised(drill, outcome)]
+    assert len(others) <= 1, [outcomes[drill] for drill in others]
+    if others:  # the clock is real: on a busy machine advice on a conflict may come before the deadlock, or late
+        outcomes |= dict(zip(others, await played(others, tmp_path / "again", render), strict=True))
     for drill, outcome in outcomes.items():
-        assert outcome.ended, outcome
-        assert outcome.advised, outcome
-        assert outcome.kept is drill.heeds, outcome
+        assert is_as_promised(drill, outcome), outcome
+
+
+def is_as_promised(drill: Drill, outcome: DrillOutcome) -> bool:
+    """Whether people were advised, and following it ended the drill at the promised cost if its robots do."""
+    return bool(outcome.ended and outcome.advised) and outcome.kept is drill.heeds
 
 
 async def test_following_only_situations_of_the_running_service_resolves_each_drill(tmp_path: Path) -> None:
