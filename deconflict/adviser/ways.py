@@ -180,6 +180,13 @@ def around(boxes: Boxes) -> Floats:
     return np.stack([*least, *most], axis=1)
 
 
+def touch_any(boxes: Boxes, others: Boxes) -> Bools:
+    """(n,) whether each of `boxes` (n,) touches any of `others` (m,)."""
+    mine, theirs = Boxes._make(c[:, None] for c in boxes), Boxes._make(c[None] for c in others)
+    found: Bools = np.any(touch(mine, theirs), axis=1)
+    return found
+
+
 def touch(boxes: Boxes, others: Boxes) -> Bools:
     """Whether rectangles touch; arrays of up to three axes, of shapes that fit. Comparisons with nan are false."""
     shape = np.broadcast_shapes(boxes.x_m.shape, others.x_m.shape)

@@ -7,9 +7,9 @@ import numpy as np
 from deconflict.adviser.ground.barred_ground import BarredGround
 from deconflict.adviser.ground.seen_ground import SeenGround, size_of
 from deconflict.adviser.ground.tracks import ROOM_M
-from deconflict.adviser.ways import BESIDE_M, Boxes, Point, Ways, touch
+from deconflict.adviser.ways import BESIDE_M, Boxes, Point, Ways, touch_any
 from deconflict.contention.robots.robot_table import RobotTable
-from ingest.batch import Bools, Floats
+from ingest.batch import Floats
 
 STEP_M, FARTHEST_M = 0.25, 4.0
 DIRECTIONS = 16
@@ -30,11 +30,11 @@ def aside_m(
     shape = to_x_m.shape
     poses = np.column_stack([to_x_m.ravel(), to_y_m.ravel(), np.full(to_x_m.size, yaw_rad)])
     body = _boxes(poses, size.length_m, size.width_m, 0.0)
-    is_free = ~_touches(_boxes(poses, size.length_m, size.width_m, BESIDE_M), others)
+    is_free = ~touch_any(_boxes(poses, size.length_m, size.width_m, BESIDE_M), others)
     is_free &= ~barred.bars_driving(size.datum, body) & seen.holds(size.datum, size_of(robots, robot), body)
     reachable = np.logical_and.accumulate(is_free.reshape(shape), axis=1)
     ways = Boxes._make(column.reshape(-1) for column in passing.boxes)
-    is_off = ~_touches(_boxes(poses, size.length_m, size.width_m, ROOM_M), ways)
+    is_off = ~touch_any(_boxes(poses, size.length_m, size.width_m, ROOM_M), ways)
     is_off &= ~barred.bars_standing(size.datum, poses, size.length_m, size.width_m)
     found = np.flatnonzero((reachable & is_off.reshape(shape)).T)
     if not len(found):
@@ -53,10 +53,3 @@ def _directions_rad() -> Floats:
 def _boxes(poses: Floats, length_m: float, width_m: float, room_m: float) -> Boxes:
     halves = (np.full(len(poses), size_m / 2 + room_m) for size_m in (length_m, width_m))
     return Boxes(*poses.T, *halves)
-
-
-def _touches(boxes: Boxes, others: Boxes) -> Bools:
-    """(n,) whether each of `boxes` (n,) touches any of `others` (m,)."""
-    mine, theirs = (Boxes._make(c[:, None] for c in boxes), Boxes._make(c[None] for c in others))
-    found: Bools = np.any(touch(mine, theirs), axis=1)
-    return found

@@ -11,7 +11,7 @@ from deconflict.adviser.ground.asides import aside_m
 from deconflict.adviser.ground.barred_ground import BarredGround
 from deconflict.adviser.ground.seen_ground import SeenGround, size_of
 from deconflict.adviser.ground.tracks import Tracks, other_bodies
-from deconflict.adviser.ways import BESIDE_M, Boxes, Point, touch, wanted_ways
+from deconflict.adviser.ways import BESIDE_M, Boxes, Point, touch_any, wanted_ways
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings.site import Site
@@ -83,9 +83,7 @@ class Goals:
         or occupied. Without a side if no such body was seen on either: there its own sensors decide."""
         sides, floor = _sides(robots, option, way_rad), robots[option.robot].datum
         slots = (_slot(robots, uuid) for uuid in (option.robot, option.other))
-        bodies = Boxes._make(column[None] for column in other_bodies(robots, *slots))
-        is_occupied = touch(Boxes._make(column[:, None] for column in sides), bodies).any(axis=1)
-        is_open = ~self._barred.bars_driving(floor, sides) & ~is_occupied
+        is_open = ~self._barred.bars_driving(floor, sides) & ~touch_any(sides, other_bodies(robots, *slots))
         if not is_open.any():
             return None
         is_known = is_open & self.seen.holds(floor, size_of(robots, option.robot), sides)

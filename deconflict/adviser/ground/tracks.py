@@ -8,7 +8,7 @@ import numpy as np
 
 from deconflict.adviser.ground.barred_ground import BarredGround
 from deconflict.adviser.ground.seen_ground import SeenGround, size_of
-from deconflict.adviser.ways import Boxes, Ways, bodies, touch
+from deconflict.adviser.ways import Boxes, Ways, bodies, touch_any
 from deconflict.contention.robots.robot_table import RobotTable
 from ingest.batch import Floats
 
@@ -60,15 +60,13 @@ class Tracks:
         if not len(poses):
             return None
         size, here = robots[robot], robots.reported_pose(robot)
-        shape = len(poses), 1
-        halves = np.full(shape, size.length_m / 2 + ROOM_M), np.full(shape, size.width_m / 2 + ROOM_M)
-        places = Boxes(poses[:, :1], poses[:, 1:2], poses[:, 2:], *halves)
-        is_blocked = touch(places, Boxes._make(column[None] for column in others)).any(axis=1)
-        ways = Boxes._make(column.reshape(1, -1) for column in passing.boxes)
+        halves = (np.full(len(poses), each_m / 2 + ROOM_M) for each_m in (size.length_m, size.width_m))
+        places, ways = Boxes(*poses.T, *halves), Boxes._make(column.reshape(-1) for column in passing.boxes)
+        is_blocked = touch_any(places, others)
         is_barred = self._barred.bars_standing(size.datum, poses, size.length_m, size.width_m)
         body = Boxes(*poses.T, *(np.full(len(poses), each_m / 2) for each_m in (size.length_m, size.width_m)))
         is_seen = self._seen.holds(size.datum, size_of(robots, robot), body)
-        is_free = ~touch(places, ways).any(axis=1) & ~is_barred & is_seen
+        is_free = ~touch_any(places, ways) & ~is_barred & is_seen
         reachable = np.logical_and.accumulate(~is_blocked)
         away_m = np.hypot(poses[:, 0] - here[0], poses[:, 1] - here[1])
         found = np.flatnonzero(is_free & reachable & (away_m >= LEAST_BACK_M))
