@@ -21,8 +21,7 @@ from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import kernel
 
-_INTS, _FLOATS, _BOOLS = numba.int64[::1], numba.float64[::1], numba.boolean[::1]
-_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
+_FLOATS = numba.float64[::1]
 NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
@@ -45,28 +44,6 @@ def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
         for robot, end_s in ends_s:
             until_s[robot] = max(end_s, until_s.get(robot, end_s))
     return until_s
-
-
-@kernel(_INTS(_FLOATS, _BOOLS, *[_FLOATS] * 2, _INTS, _STAMPS, _BOOLS, numba.float64))
-def _record_waits(
-    advised_until_s: Floats,
-    was_moving: Bools,
-    since_s: Floats,
-    last_s: Floats,
-    slots: Ints,
-    event_s: Floats,
-    stand: Bools,
-    one_wait_s: float,
-) -> Ints:
-    """The loop of `AdviceFollowers.record_waits`."""
-    waits, n = np.empty(len(slots), np.int64), 0
-    for row, slot in enumerate(slots):
-        if stand[row] and was_moving[slot] and event_s[row] <= advised_until_s[slot]:
-            if event_s[row] - last_s[slot] > one_wait_s:
-                since_s[slot] = event_s[row]
-            last_s[slot], waits[n] = event_s[row], slot
-            n += 1
-    return waits[:n].copy()
 
 
 @kernel(_FLOATS(numba.float64[:, ::1], *[_FLOATS] * 2, *[numba.float64] * 2))
@@ -147,13 +124,13 @@ class AdviceFollowers:
         advised."""
         if not self._is_any_advised:
             return NOBODY
-        event_s = newest[slots, 0]
-        begins = stand & self._was_moving[slots] & (event_s <= self._advised_until_s[slots])
-        begins &= event_s - self._last_s[slots] > ONE_WAIT_S
-        for slot in slots[begins].tolist():
+        waits = slots[stand & self._was_moving[slots] & (newest[slots, 0] <= self._advised_until_s[slots])]
+        begins = waits[newest[waits, 0] - self._last_s[waits] > ONE_WAIT_S]
+        for slot in begins.tolist():
             self._was_moving[slot] = not _is_stopped(slot, newest, half_m)
-        columns = (self._advised_until_s, self._was_moving, self._since_s, self._last_s)
-        return _record_waits(*columns, slots, event_s, stand, ONE_WAIT_S)
+        waits, begins = (found[self._was_moving[found]] for found in (waits, begins))
+        self._last_s[waits], self._since_s[begins] = newest[waits, 0], newest[begins, 0]
+        return waits
 
     def last_wait_s(self, slot: int | None) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was, or without a slot."""
