@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Protocol
 
 from deconflict.advice.deferred_answers import Answer
 from deconflict.engine.engine import Engine
@@ -80,7 +80,8 @@ class EngineRole:
         """If `is_first`, no engine of this service ran before, and messages that came earlier count for no latency.
         `ended_early` is `role_files.early_end` of the engine before: this one starts without the learned state. Without
         `make_judge` nobody judges the warnings."""
-        self._make_judge, self._judge = make_judge, cast(PassJudge | None, None)
+        self._make_judge = make_judge
+        self._judge: PassJudge | None = None
         self._is_first, self._ended_early = is_first, ended_early
         self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
@@ -212,7 +213,8 @@ class EngineRole:
         self._delivery.add_pass(batch.now_s, revisions, arrived_s, engine.measures, near, presence, losses)
         if time.monotonic() - self._kept_s >= LEARNED_EVERY_S:
             self._kept_s = time.monotonic()
-            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}}, engine.under_way())
+            under_way = engine.under_way() if engine.site.keeps_boxes else {}
+            self._delivery.keep(engine.learned() | {"tick": {"now_s": batch.now_s}}, under_way)
         return revisions
 
     def _judge_of(self, engine: Engine) -> PassJudge | None:

@@ -201,6 +201,11 @@ class Site(Section):
     blackbox: BlackBox = BlackBox()
 
     @property
+    def keeps_boxes(self) -> bool:
+        """Whether black boxes are written."""
+        return self.blackbox.enabled and self.recorder.enabled
+
+    @property
     def people(self) -> frozenset[str]:
         """Names of the vendors of which every device is carried by a person on foot."""
         return frozenset(vendor.name for vendor in self.vendors if has_only_people(vendor))

@@ -73,8 +73,7 @@ class Keeper:
 
     def note(self, pairs: Iterable[NearPair]) -> None:
         """Note pairs that the engine has just seen within the clearance. Writes them to disk for a restart."""
-        wanted = self.site.blackbox.enabled and self.site.recorder.enabled
-        for pair in pairs if wanted else ():
+        for pair in pairs if self.site.keeps_boxes else ():
             pending = [*self._pending, (time.monotonic(), pair)]
             if len(pending) > MOST_PAIRS:
                 pending.pop(_newest_of_largest_pair([noted for _, noted in pending]))

@@ -33,7 +33,7 @@ def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
     """What the service keeps there by the settings of its site, the most important first."""
     databases = sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME
     small = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME
-    folders = {"log": site.recorder.enabled, FOLDER: site.recorder.enabled and site.blackbox.enabled}
+    folders = {"log": site.recorder.enabled, FOLDER: site.keeps_boxes}
     rare = sorted(data.glob(LOCKS))
     if folders[FOLDER]:
         rare += [data / FOLDER / REGISTER, data / FOLDER / PENDING]
