@@ -138,7 +138,8 @@ class Silences:
         self._gaps_s[rows, self._known[rows] % GAPS] = gap_s
         self._known[rows] += 1
         self._there_s[rows] += gap_s
-        gap_s = np.where([self._slots.uuids[row] in self.on_foot for row in rows.tolist()], 0.0, gap_s)
+        if self.on_foot:
+            gap_s = np.where([self._slots.uuids[row] in self.on_foot for row in rows.tolist()], 0.0, gap_s)
         minutes = (heard_s / MINUTE_S).astype(np.int64)
         for minute in sorted(set(minutes.tolist())):
             self.by_minute_s[minute] += float(gap_s[minutes == minute].sum())
