@@ -3,6 +3,7 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from deconflict.settings.site import StoreSettings
 from deconflict_client.advisory import (
     Action,
     AdvisoryState,
@@ -17,6 +18,8 @@ from deconflict_client.advisory.robot_advice import RobotAdvice
 from deconflict_client.situations import Situation, SituationAdvice
 
 START = datetime(2024, 5, 1, 8, 0, tzinfo=UTC)
+KEEPING = StoreSettings(keep_days=36_500.0)
+"""A running service keeps advisories that were cleared at `START`: with its default it removes them when it prunes."""
 ROBOTS = ("0c5b4a7e-0000-4000-8000-000000000001", "0c5b4a7e-0000-4000-8000-000000000002")
 
 

@@ -30,6 +30,7 @@ from ingest.batch import FloorPoint
 from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.roles.made_service import free_ports
+from tests.helpers.made_advisories import KEEPING
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL
@@ -119,6 +120,7 @@ class Machines:
             "cluster": self.settings,
             "receiver": ReceiverSettings(port=robots_port),
             "operator": Operator(port=0),
+            "store": KEEPING,
         }
         return self._site.model_copy(update=changed)
 

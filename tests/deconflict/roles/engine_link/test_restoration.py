@@ -21,7 +21,7 @@ from deconflict_client.advisory import ConflictAdvisory
 from deconflict_client.situations import AnyRevision
 from ingest.measures.measures import Measures
 from metrics.monitoring.exposition import render
-from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
+from tests.helpers.made_advisories import KEEPING, cleared, cleared_situation, made, situation
 
 
 def crowd(count: int) -> list[ConflictAdvisory]:
@@ -34,7 +34,7 @@ async def serving(data: Path) -> AsyncIterator[tuple[OperatorRole, Caller]]:
     """A role that runs, and the engine's end of its link."""
     with runtime_directory() as runtime:
         stop = asyncio.Event()
-        role = OperatorRole(Site(operator=Operator(port=0)), Path(runtime), data, render)
+        role = OperatorRole(Site(operator=Operator(port=0), store=KEEPING), Path(runtime), data, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
         caller = Caller(Path(runtime), "operator")
