@@ -1,5 +1,6 @@
 """Report, page, export and Grafana say the same of one log: each figure, and what each of them has for it."""
 
+import asyncio
 from collections.abc import Iterator
 from math import pi
 from pathlib import Path
@@ -11,10 +12,9 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from deconflict.advisories.situations.situation_counts import count_situations
 from deconflict.operator.blackbox.start_state import StartState
-from deconflict.operator.ledger.loss_ledger import LossLedger
-from deconflict.operator.ledger.loss_questions import LossQuestion
+from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.settings.site import Site
-from deconflict_client.situations import Situation
+from deconflict_client.situations import AnyRevision
 from ingest.languages.timestamps import write
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader
@@ -28,6 +28,8 @@ from metrics.report.html_report import page
 from metrics.scoring.warnings import warning_judge
 from metrics.scoring.warnings.warning_judge import AHEAD_BOUNDS_S, WarningJudge
 from metrics.scoring.warnings.warning_quality import WarningQuality
+from tests.deconflict.operator.http.served_face import served
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL, identity, points, status
 
 NOW_S, CROSSES_S, ENDS_S, QUIET_UNTIL_S = 1_790_000_000.0, 12, 26, 110
@@ -80,10 +82,23 @@ class Surfaces(NamedTuple):
     html: str
     grafana: dict[str, float]
     """By metric and the values of its labels in the order of their names."""
-    page_lost_s: float
+    page: dict[str, Any]
+    """By path, what the page reads."""
     exported_lost_s: float
-    shift: int
-    """Number of situations in the summary of a shift."""
+
+
+SHIFT, ENDED, LOST = (
+    "/shift?since_s=0",
+    "/advisories?state=all&kind=conflict&limit=1000",
+    "/losses?from_s=0&until_s=2000000000",
+)
+
+
+async def read_by_page(folder: Path, revisions: list[AnyRevision], losses: list[LedgerEntry]) -> dict[str, Any]:
+    async with served(folder) as face, http_client() as client:
+        await face.publish(*revisions)
+        face.sources.ledger.add("engine", 1, losses)
+        return {path: (await client.get(face.http + path)).json() for path in (SHIFT, ENDED, LOST)}
 
 
 def run(folder: Path) -> Surfaces:
@@ -94,12 +109,14 @@ def run(folder: Path) -> Surfaces:
     conflict, passes, measures = SITE.conflict, PassReader(SITE), Measures()
     engine, scores = EngineRun(SITE, conflict.clearance_m, StartState()), LogScores(SITE, [conflict.clearance_m])
     judge, ledger = WarningJudge(conflict.clearance_m, conflict.clear_margin_m, measures), LossLedger(None, SITE.losses)
-    situations: list[Situation] = []
+    revisions: list[AnyRevision] = []
+    losses: list[LedgerEntry] = []
     for number, each in enumerate(passes.passes_of(LogReader().read([log]))):
         output = engine.advance(each)
         judge.add(each.now_s, each.batch, output.bands_m, output.advisories, output.waiting)
         scores.add(each, [output])
-        situations += output.situations
+        revisions += [*output.advisories, *output.situations]
+        losses += output.losses
         count_situations(measures, output.situations)
         ledger.add("engine", number + 1, list(output.losses))
     result = scores.result(passes, engine.measures())
@@ -109,11 +126,10 @@ def run(folder: Path) -> Surfaces:
         for family in text_string_to_metric_families(text.decode())
         for sample in family.samples
     }
-    asked = ledger.ask(LossQuestion(0.0, 1e12, ())).total.lost_s
     exported = sum(float(sub(".*rows, ", "", line).split()[0]) for line in write_days(ledger, folder, {}))
     ledger.close()
-    shift = len({each.id for each in situations})
-    return Surfaces(result, page(result, "Log", SITE), grafana, asked, exported, shift)
+    read = asyncio.run(read_by_page(folder, revisions, losses))
+    return Surfaces(result, page(result, "Log", SITE), grafana, read, exported)
 
 
 @pytest.fixture(scope="module")
@@ -151,11 +167,13 @@ def figures(surfaces: Surfaces) -> dict[str, dict[str, Figure]]:
         "raised": {
             "JSON": quality.warnings,
             "JSON, by kind": result["advisories_raised"]["conflict"],
+            "page": len(surfaces.page[ENDED]["advisories"]),
             "Grafana": grafana["deconflict_advisories_total raised conflict"],
         },
         "situations": {
             "JSON": result["situations"]["situations"],
-            "shift": surfaces.shift,
+            "shift": len(surfaces.page[SHIFT]["situations"]),
+            "shift, by kind": sum(surfaces.page[SHIFT]["counts"].values()),
             "Grafana": sum(
                 v for k, v in grafana.items() if k.startswith("deconflict_situations_total") and "raised" in k
             ),
@@ -163,7 +181,7 @@ def figures(surfaces: Surfaces) -> dict[str, dict[str, Figure]]:
         "robots": {"JSON": result["robots"], "Grafana": of_metric(grafana, "deconflict_robots")},
         "lost, s": {
             "JSON": round(result["losses"]["total"]["lost_s"]),
-            "page": round(surfaces.page_lost_s),
+            "page": round(surfaces.page[LOST]["total"]["lost_s"]),
             "export": surfaces.exported_lost_s,
             "Grafana": round(of_metric(grafana, "deconflict_lost_seconds_total")),
         },
