@@ -1,7 +1,8 @@
 """In how many floors a planted fault is found: `python -m benchmarks.whatif.planted_faults`.
 
 Ten floors with one fault each. What counts is whether its place is among the five worst, whether its cause is named,
-and whether a change that repairs it is suggested there.
+and whether a change that repairs it is suggested there. With `--faultless` the floors have no fault, and what counts is
+on how many of them a change is said to pay.
 """
 
 import argparse
@@ -39,14 +40,30 @@ def found(floor: PlantedFloor, seed: int, args: argparse.Namespace) -> Found:
     return Found(place=True, cause=at.cause == cause, repair=repair is not None and repair.kind in repairs)
 
 
+def _print_false(args: argparse.Namespace) -> None:
+    """On how many floors without a fault a change that was tried is said to pay."""
+    false = tried = 0
+    for number in args.floors:
+        floor = planted_floor(number, is_planted=False)
+        changes = suggested(floor.recorded(args.seed + number, 60 * args.minutes), floor.site, (), args)
+        print(f"Floor {number}", *(f"  {line}" for line in changes.lines()), sep="\n", flush=True)
+        answered = [change for place in changes.places for change in place.tried if change.saving]
+        tried, false = tried + len(answered), false + any(change.pays for change in answered)
+    print(f"a change is said to pay on {false} of {len(args.floors)} floors; {tried} were tried")
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     options = argparse.ArgumentParser(prog="python -m benchmarks.whatif.planted_faults", description=__doc__)
     options.add_argument("--floors", type=int, nargs="+", default=list(range(10)))
     options.add_argument("--seed", type=int, default=51)
-    options.add_argument("--minutes", type=float, default=15.0)
+    options.add_argument("--minutes", type=float, default=45.0)
     options.add_argument("--seeds", type=int, default=4, help="of the model, with and without each change")
+    options.add_argument("--faultless", action="store_true", help="the floors without their faults")
     args = options.parse_args(arguments)
     args.jobs = 1
+    if args.faultless:
+        _print_false(args)
+        return
     every = []
     for number in args.floors:
         floor = planted_floor(number)

@@ -26,6 +26,7 @@ from metrics.whatif.recorded_tracks import RecordedFloor
 APART_M = 100.0
 TWO_LANES = LaneChange(wider_m=2.0, two_lanes=True)
 FAULTS = ("lane too narrow", "second charger missing", "one-way the wrong way", "crossing without order")
+NO_FAULT = -1
 PLACES = ("Lane 1", "Charger 1", "Lane 2", "Crossing 1")
 """Where each fault is planted."""
 
@@ -67,9 +68,9 @@ class PlantedFloor:
 AREAS = (LANE.outline, DOCK.outline, LANE.outline, CROSSING.outline)
 
 
-def planted_floor(number: int) -> PlantedFloor:
-    """The floor of this number: each fault in turn, all else at random."""
-    rng, at = Random(number), number % len(FAULTS)
+def planted_floor(number: int, *, is_planted: bool = True) -> PlantedFloor:
+    """The floor of this number: each fault in turn, all else at random. It can be had without its fault."""
+    rng, at = Random(number), number % len(FAULTS) if is_planted else NO_FAULT
     turned = LaneChange(one_way=True, turned_make=rng.randrange(len(MAKES)) if at == 2 else None)
     parts = (
         lane_yard(rng.choice((4, 5, 6)), LaneChange() if at == 0 else TWO_LANES),
@@ -77,7 +78,8 @@ def planted_floor(number: int) -> PlantedFloor:
         lane_yard(6, turned),
         crossing_yard(4, is_ordered=False) if at == 3 else crossing_yard(3, is_ordered=True),
     )
-    return PlantedFloor(FAULTS[at], PLACES[at], parts, tuple(rng.sample(range(len(parts)), len(parts))))
+    fault, place = (FAULTS[at], PLACES[at]) if is_planted else ("no fault", "")
+    return PlantedFloor(fault, place, parts, tuple(rng.sample(range(len(parts)), len(parts))))
 
 
 def _corners(area: shapely.Polygon, east_m: float) -> tuple[Point, ...]:

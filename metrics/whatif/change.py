@@ -1,7 +1,7 @@
 """The changes that can be asked about, and what each changes for the simulated robots."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import hypot
 
 import numpy as np
@@ -28,6 +28,9 @@ LEAST_PASS_M = 2.0
 LEAST_JAM_S, LEAST_JAMS = 4.0, 3
 """Shorter ones are no jams, and fewer say nothing."""
 
+PARTS_APART_S = 1.0
+"""Losses of a robot to the same other one are parts of one loss if no more lies between them."""
+
 
 class ChangeError(LogError):
     """A change that can't be made. The message says what to change."""
@@ -50,7 +53,7 @@ class NamedOutline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WiderPlace:
-    """A place with more room than now."""
+    """A place in which robots that meet stand for each other as long as in the log, perhaps with more room than now."""
 
     outline: NamedOutline
     beside_m: float
@@ -75,6 +78,8 @@ class Change:
     wider: tuple[WiderPlace, ...] = ()
     ordered: tuple[NamedOutline, ...] = ()
     """Robots are let into these from one side at a time."""
+    unordered: tuple[NamedOutline, ...] = ()
+    """Robots enter these without regard to others."""
     first_vendor: str = ""
     """All others let the robots of this vendor go first."""
     before: "Change | None" = None
@@ -119,9 +124,8 @@ def wider(places: Sequence[NamedOutline], demand: Demand, losses: Iterable[Loss]
         width_m = max(robot.track.width_m for robot in demand.robots)
         by_m = max(2 * (width_m / 2 + GAP_M + width_m - ROOM_M), LEAST_WIDER_M)
     text = f"{places[0].name} is {by_m:.1f} m wider, and robots pass each other there"
-    jam_s = _jam_s(places, losses)
-    before = Change(wider=tuple(WiderPlace(place, 0.0, jam_s) for place in places))
-    return Change(text, wider=tuple(WiderPlace(place, by_m / 2, jam_s) for place in places), before=before)
+    before = Change(wider=jammed(places, losses))
+    return Change(text, wider=tuple(replace(each, beside_m=by_m / 2) for each in before.wider), before=before)
 
 
 def priority(vendor: str, demand: Demand) -> Change:
@@ -164,15 +168,36 @@ def _outlines(
         yield (area.name,), area.name, area.floor or site.datums[0].id, area.outline_m, None
 
 
+def jammed(places: Sequence[NamedOutline], losses: Iterable[Loss]) -> tuple[WiderPlace, ...]:
+    """The places as they are, where robots that meet stand for each other as long as in the log."""
+    jam_s = _jam_s(places, losses)
+    return tuple(WiderPlace(place, 0.0, jam_s) for place in places)
+
+
 def _jam_s(places: Sequence[NamedOutline], losses: Iterable[Loss]) -> float:
-    """How long robots that met in a place stood for each other; the median. 0 with too few cases."""
-    lengths_s = [
-        loss.until_s - loss.from_s
+    """How long robots that met in a place stood for each other; the mean, since what they lose adds up.
+    0 with too few cases."""
+    met = [
+        loss
         for loss in losses
-        if loss.kind in (LossKind.HEAD_ON, LossKind.DEADLOCK) and loss.until_s - loss.from_s >= LEAST_JAM_S
+        if loss.kind in (LossKind.HEAD_ON, LossKind.DEADLOCK)
         if any(place.floor == loss.floor and place.holds(*np.array([[loss.x_m], [loss.y_m]]))[0] for place in places)
     ]
-    return float(np.median(lengths_s)) if len(lengths_s) >= LEAST_JAMS else 0.0
+    lengths_s = [length_s for length_s in _whole_s(met) if length_s >= LEAST_JAM_S]
+    return float(np.mean(lengths_s)) if len(lengths_s) >= LEAST_JAMS else 0.0
+
+
+def _whole_s(losses: Iterable[Loss]) -> Iterable[float]:
+    """How long each robot stood for another one. The log has a long loss in parts that follow each other."""
+    begun: dict[tuple[str, str], tuple[float, float]] = {}
+    for loss in sorted(losses, key=lambda loss: loss.from_s):
+        pair = loss.robot, loss.by
+        from_s, until_s = begun.get(pair, (loss.from_s, loss.from_s))
+        if loss.from_s - until_s > PARTS_APART_S:
+            yield until_s - from_s
+            from_s = loss.from_s
+        begun[pair] = from_s, loss.until_s
+    yield from (until_s - from_s for from_s, until_s in begun.values())
 
 
 def _along_m(aisle: NamedOutline, unit: Floats, trip: Trip) -> float:

@@ -25,10 +25,10 @@ from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.whatif.answer import ASSUMES, WhatIfModel
 from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, passes_of, priority, wider
-from metrics.whatif.demand import Demand, demand_of
+from metrics.whatif.demand import Demand
 from metrics.whatif.more_docks import more_docks
 from metrics.whatif.recorded_tracks import RecordedFloor
-from metrics.whatif.simulated.ordered_places import ordered
+from metrics.whatif.simulated.ordered_places import demand_past_crossings, ordered
 
 CLEARANCE_SHARES = (0.7, 1.4)
 """Other clearances that are scored, as shares of the site's."""
@@ -66,7 +66,7 @@ def suggested(
     floor: RecordedFloor, site: Site, warnings: Sequence[WarningCounts], args: argparse.Namespace
 ) -> SuggestedChanges:
     """The suggestions from a log. What may help at the worst places is simulated."""
-    demand, places = demand_of(floor), SuggestedPlaces.of(site)
+    demand, places = demand_past_crossings(floor, site), SuggestedPlaces.of(site)
     evidence = replace(loss_evidence(floor, site, warnings), passes=_passes(site, floor, demand))
     asker = _Asker(site, floor, demand, WhatIfModel(floor, demand, args.seeds, args.jobs))
     tried = [
@@ -112,7 +112,7 @@ class _Asker:
             case "dock":
                 return more_docks(places, self._demand)
             case "order":
-                return ordered(places, self._demand)
+                return ordered(places, self._demand, self._floor.losses)
             case "widen":
                 return wider(places, self._demand, self._floor.losses)
         return one_way(places[0], self._demand, reverse=reverse)

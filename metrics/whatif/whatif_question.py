@@ -9,11 +9,11 @@ from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event
 from metrics.whatif.answer import NO_ANSWER, WhatIfAnswer, WhatIfModel
 from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, priority, slow_zone, wider
-from metrics.whatif.demand import Demand, demand_of
+from metrics.whatif.demand import Demand
 from metrics.whatif.more_docks import more_docks
 from metrics.whatif.other_settings import SettingsAnswer, settings_compared
 from metrics.whatif.recorded_tracks import RecordedFloor, recorded_floor
-from metrics.whatif.simulated.ordered_places import ordered
+from metrics.whatif.simulated.ordered_places import demand_past_crossings, ordered
 from metrics.whatif.suggested_changes import SuggestedChanges, suggested, warning_counts
 
 __all__ = ["NO_ANSWER", "Answer", "answered", "settings_compared"]
@@ -30,7 +30,7 @@ def answered(
         raise ChangeError("no robot reports in the log: give a log of robots that report where they are")
     if args.suggest:
         return suggested(floor, site, warning_counts(logs, site), args)
-    demand = demand_of(floor)
+    demand = demand_past_crossings(floor, site)
     return WhatIfModel(floor, demand, args.seeds, args.jobs).ask(change_of(args, site, floor, demand))
 
 
@@ -48,7 +48,8 @@ def change_of(args: argparse.Namespace, site: Site, floor: RecordedFloor, demand
     if args.widen:
         return wider(named_outlines(site, floor.floors, args.widen[0]), demand, floor.losses, _metres(args.widen[1:]))
     if place := args.dock or args.order:
-        return (more_docks if args.dock else ordered)(named_outlines(site, floor.floors, place), demand)
+        places = named_outlines(site, floor.floors, place)
+        return more_docks(places, demand) if args.dock else ordered(places, demand, floor.losses)
     if args.priority:
         return priority(args.priority, demand)
     return slow_zone(named_outlines(site, floor.floors, args.speed[0]), _share(args.speed[1]))

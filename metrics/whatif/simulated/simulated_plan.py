@@ -15,7 +15,7 @@ from metrics.whatif.change import NO_CHANGE, Change, WiderPlace
 from metrics.whatif.demand import SAME_PLACE_M, Demand, RobotDemand, Trip
 from metrics.whatif.road_crossings import drive_passages, road_crossings
 from metrics.whatif.roads import FloorWay, IsForbidden, Roads, sampled_way
-from metrics.whatif.simulated.ordered_places import with_order
+from metrics.whatif.simulated.ordered_places import with_order, without_order
 from metrics.whatif.simulated.replayed_floor import RobotIdentity, SimulatedRobot, SimulatedTrip
 
 GAIN_MPS2, BRAKE_MPS2 = 0.7, 1.2
@@ -103,6 +103,7 @@ class Planner:
 
     def _passages(self, way: Drive, trip: Trip, change: Change) -> tuple[CrossingPassage, ...]:
         found = drive_passages(way, trip.floor, self._crossings)
+        found = without_order(way, trip.floor, found, change.unordered)
         return with_order(way, trip.floor, found, change.ordered, len(self._crossings))
 
 

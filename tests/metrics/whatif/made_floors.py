@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from deconflict.foresight.losses.loss import Loss, LossKind
 from deconflict.simulation.floor_layout import Place
 from metrics.whatif.recorded_tracks import RecordedFloor, RobotTrack
 
@@ -37,3 +38,10 @@ def track(name: str, legs: list[Leg], vendor: str = "Alder", *, is_person: bool 
 def recorded(*tracks: RobotTrack) -> RecordedFloor:
     """A log of these robots that lost nothing."""
     return RecordedFloor(list(tracks), [], ("hall",), max(float(found.t_s[-1]) for found in tracks))
+
+
+def met(kind: LossKind, x_m: float, length_s: float, from_s: float = 10.0) -> Loss:
+    """A robot has stood for another one."""
+    return Loss(
+        "A", "B", "B", "Alder", "", "Birch", "Birch", kind, from_s, from_s + length_s, 9.0, 9.0, True, 0, x_m, 0.0
+    )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from deconflict.foresight.losses.loss import Loss, LossKind
+from deconflict.foresight.losses.loss import LossKind
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
 from metrics.whatif.answer import WhatIfModel
@@ -22,7 +22,7 @@ from metrics.whatif.demand import demand_of
 from metrics.whatif.recorded_tracks import RecordedFloor, RobotTrack
 from metrics.whatif.simulated.model_runs import model_figures
 from metrics.whatif.simulated.simulated_plan import Planner
-from tests.metrics.whatif.made_floors import recorded, track
+from tests.metrics.whatif.made_floors import met, recorded, track
 
 EVERYWHERE = NamedOutline("Hall", 0, shapely.box(-50, -50, 50, 50))
 AISLE = NamedOutline("Aisle", 0, shapely.box(-15, -3, 15, 3))
@@ -70,16 +70,11 @@ def test_a_one_way_aisle_sends_robots_around() -> None:
     assert not plan.impossible
 
 
-def met(kind: LossKind, x_m: float, length_s: float) -> Loss:
-    """A robot has stood for another one in the aisle."""
-    return Loss("A", "B", "B", "Alder", "", "Birch", "Birch", kind, 10.0, 10.0 + length_s, 9.0, 9.0, True, 0, x_m, 0.0)
-
-
 def test_robots_pass_each_other_in_a_wider_aisle_and_wait_elsewhere() -> None:
-    """Two robots meet in one lane again and again. Jams last as long as in the log, whose median is 40 s."""
+    """Two robots meet in one lane again and again. Jams last as long as in the log, whose mean is 40 s."""
     west, east = (-20.0, 0.0), (20.0, 0.0)
     demand = demand_of(recorded(shuttle("A", west, east, "Alder"), shuttle("B", east, west, "Birch")))
-    losses = [met(LossKind.DEADLOCK, 1.0, length_s) for length_s in (30.0, 40.0, 50.0, 2.0)]
+    losses = [met(LossKind.DEADLOCK, 1.0, length_s, 10.0 * length_s) for length_s in (30.0, 40.0, 50.0, 2.0)]
     change = wider([AISLE], demand, losses)
     assert change.before
     before, after = (
@@ -93,6 +88,11 @@ def test_how_long_jams_last_is_read_from_the_aisle_only() -> None:
     beside = [met(LossKind.DEADLOCK, 30.0, 40.0)] * 5
     others = [met(LossKind.FOLLOWING, 1.0, 40.0)] * 5
     assert wider([AISLE], demand, [*beside, *others]).wider[0].jam_s == 0.0
+
+
+def test_a_jam_that_the_log_has_in_parts_is_one() -> None:
+    jams = [met(LossKind.DEADLOCK, 1.0, 60.0, from_s) for from_s in (0.0, 60.0, 200.0, 400.0)]
+    assert wider([AISLE], demand_of(crossing_robots()), jams).wider[0].jam_s == 80.0
 
 
 def test_without_metres_an_aisle_gets_as_wide_as_robots_need_to_pass() -> None:
