@@ -7,11 +7,14 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime
+from math import inf
 from pathlib import Path
 
+from deconflict.engine.message_latency import LEARNED_EVERY_S
 from deconflict.operator.ledger.loss_csv import as_csv
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
+from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.settings import site, site_file
 from deconflict.settings.site import Site
@@ -70,13 +73,22 @@ def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
 def _losses(args: argparse.Namespace) -> int:
     until_s = args.until.timestamp() if args.until else time.time()
     with _opened(args) as (ledger, used):
-        tables = loss_report.loss_tables(ledger, used, until_s - args.days * DAY_S, until_s)
+        from_s, ran_until_s = until_s - args.days * DAY_S, min(until_s, _ran_until_s(args.data))
+        tables = loss_report.loss_tables(ledger, used, from_s, until_s, ran_until_s)
     if args.html:
         write_text(args.html, loss_report.loss_page(tables, used))
     if args.csv:
         write_text(args.csv, as_csv(LossQuestion(0.0, 0.0, loss_report.CSV_KEYS), tables.every))
     sys.stdout.write(f"{loss_report.loss_sentence(tables)}\n")
     return 0
+
+
+def _ran_until_s(data: Path) -> float:
+    """Until when the service ran at most: it keeps what it learned from time to time. Without it nobody knows."""
+    try:
+        return (data / LEARNED).stat().st_mtime + LEARNED_EVERY_S
+    except OSError:
+        return inf
 
 
 def _export(args: argparse.Namespace) -> int:

@@ -51,7 +51,9 @@ class LossTables(NamedTuple):
     suggested: SuggestionList
 
 
-def loss_tables(ledger: LossLedger, used: site.Site, from_s: float, until_s: float) -> LossTables:
+def loss_tables(ledger: LossLedger, used: site.Site, from_s: float, until_s: float, ran_until_s: float) -> LossTables:
+    """What robots lost in a span. The service ran until `ran_until_s` at most."""
+
     def ask(*keys: LossKey, limit: int = WORST) -> LossList:
         return ledger.ask(LossQuestion(from_s, until_s, keys, limit=limit))
 
@@ -63,7 +65,7 @@ def loss_tables(ledger: LossLedger, used: site.Site, from_s: float, until_s: flo
         days=ask("day", limit=1000),
         vendors=ask("by", limit=1000),
         every=ask(*CSV_KEYS, limit=1_000_000),
-        suggested=_suggested(ledger, used, from_s, until_s),
+        suggested=_suggested(ledger, used, from_s, ran_until_s),
     )
 
 

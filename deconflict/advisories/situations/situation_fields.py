@@ -47,7 +47,7 @@ MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_rob
 """What does not end by itself, or nobody knows when."""
 
 OF_FEW: frozenset[SituationKind] = frozenset(("meeting", "head_on", "deadlock"))
-"""What is told of the robots of its subject only, once it is over."""
+"""What is told of the robots of its subject only, once it is over, unless others have taken their place."""
 
 
 def emptied(before: Situation, spot: Spot, now_s: float) -> Situation:
@@ -65,8 +65,9 @@ def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> S
 
 def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
     names, more_robots = dict(zip(before.robots, before.names, strict=True)), before.more_robots
-    if before.situation_kind in OF_FEW and len(before.subject_robots) > 1:
-        names, more_robots = {robot: names[robot] for robot in before.subject_robots if robot in names}, 0
+    of_subject = {robot: names[robot] for robot in before.subject_robots if robot in names}
+    if before.situation_kind in OF_FEW and len(of_subject) > 1:
+        names, more_robots = of_subject, 0
     return past_words(before.situation_kind, names, more_robots, before.culprit, spot.text)._asdict()
 
 
@@ -217,10 +218,11 @@ def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
     again = again_text(recurrence.times, WITHIN_S, recurrence.longest_s if is_short else None) if recurrence else ""
     wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
     named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
+    names = names_of(assessment.advisories)
     return {
         "places": tuple(dict.fromkeys([*named, *spot.places])),
-        **present_words(matter, now_s, spot.text, _spots(matter), again)._asdict(),
-        "ends": ending(matter, names_of(assessment.advisories)),
+        **present_words(matter, list(names.values()), now_s, spot.text, _spots(matter), again)._asdict(),
+        "ends": ending(matter, names),
     }
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAMED, listed
-from deconflict.advisories.words.words import RevisionWords, words
+from deconflict.advisories.words.words import RevisionWords, each_waits, words
 from deconflict_client.advisory import Recommendation
 
 Named = Callable[[str], str]
@@ -68,7 +68,7 @@ def deadlock(names: Sequence[str], labels: Sequence[str], left_s: float, way_out
     place = f" at {' and '.join([*labels[:MOST_NAMED], *more])}" if labels else ""
     lock, when = ("lock", "") if left_s <= 0 else ("will lock", f" {_when(left_s)}")
     return words(
-        lambda when: f"{shortened(names)} {lock} each other{place}{when}: each waits for the next", when, *way_out
+        lambda when: f"{shortened(names)} {lock} each other{place}{when}: {each_waits(len(names))}", when, *way_out
     )
 
 

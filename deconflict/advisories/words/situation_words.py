@@ -5,7 +5,7 @@ from math import ceil
 from typing import NamedTuple
 
 from deconflict.advisories.words.conflict_wording import ENCOUNTER_VERBS
-from deconflict.advisories.words.words import RevisionWords, words
+from deconflict.advisories.words.words import RevisionWords, each_waits, words
 from deconflict_client.advisory import (
     AnyAdvisory,
     BlockageAdvisory,
@@ -56,10 +56,21 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     return dict(sorted(names.items()))
 
 
-def present_words(matter: Matter, now_s: float, place: str, spots: int, again: str) -> RevisionWords:
-    """What is going on, for a person, at so many `spots`. `place` is a phrase such as "in Aisle 3 on Ground hall"."""
+def present_words(
+    matter: Matter, robots: Sequence[str], now_s: float, place: str, spots: int, again: str
+) -> RevisionWords:
+    """What is going on, for a person, at so many `spots`. `robots` are the names of all in the situation.
+
+    `place` is a phrase such as "in Aisle 3 on Ground hall".
+    """
     left_s = min(advisory.time_left_s(now_s) for advisory in matter.advisories)
-    return words(lambda when: _sentence(matter, when, now_s, place, spots) + again, f" {_when(left_s)}")
+
+    def sentence(when: str) -> str:
+        if matter.kind == "knot":
+            return f"{_knot(robots, when, spots)}, {'the worst ' * (spots > 1)}{place}{again}"
+        return _sentence(matter, when, now_s, place) + again
+
+    return words(sentence, f" {_when(left_s)}")
 
 
 def again_text(times: int, within_s: float, longest_s: float | None) -> str:
@@ -100,33 +111,36 @@ def past_words(
     return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
-def _sentence(matter: Matter, when: str, now_s: float, place: str, spots: int) -> str:
-    """`when` begins with a space; it is empty in a headline, which lists no robots of a knot either."""
+def _knot(robots: Sequence[str], when: str, spots: int) -> str:
+    """`when` is empty in a headline, which does not list the robots."""
+    at = f" at {spots} places" if spots > 1 else ""
+    return f"{len(robots)} robots get in each other's way{at}{when}{f': {_named(robots)}' if when else ''}"
+
+
+def _sentence(matter: Matter, when: str, now_s: float, place: str) -> str:
+    """`when` begins with a space; it is empty in a headline."""
     principal = matter.principal
     match principal:
         case ConflictAdvisory():
-            return f"{_conflict(matter, principal, when, spots)}, {'the worst ' * (spots > 1)}{place}"
+            return f"{_conflict(matter, principal, when)}, {place}"
         case BlockageAdvisory():
             names = names_of([principal])
             held_up = _named([names.get(robot, robot) for robot in principal.holds_up])
             stood = _stood(now_s - principal.since_at.timestamp())
             return f"{names[principal.blocker]} has stood {stood}, {place}, in the way of {held_up}"
         case DeadlockAdvisory():
-            names_listed = _named(list(names_of([principal]).values()))
-            return f"{names_listed} lock each other{when}, {place}: each waits for the next"
+            ring = list(names_of([principal]).values())
+            return f"{_named(ring)} lock each other{when}, {place}: {each_waits(len(ring))}"
         case ContentionAdvisory(kind="contention") if principal.queue_length:
             return _queue(principal, when)
     return principal.headline or principal.summary
 
 
-def _conflict(matter: Matter, principal: ConflictAdvisory, when: str, spots: int) -> str:
+def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
     names = names_of(matter.advisories)
     others = _named([name for robot, name in names.items() if robot != matter.culprit])
     culprit = names.get(matter.culprit or "", "")
     match matter.kind:
-        case "knot":
-            at = f" at {spots} places" if spots > 1 else ""
-            return f"{len(names)} robots get in each other's way{at}{when}{f': {others}' if when else ''}"
         case "obstacle":
             return f"{culprit} stands in the way of {others}{when}"
         case "silent_robot":

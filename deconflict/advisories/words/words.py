@@ -6,6 +6,8 @@ from typing import NamedTuple
 from deconflict.advice.document_limits import MOST_HEADLINE_BYTES, MOST_SUMMARY_BYTES, short_text
 from deconflict_client.advisory import NamedPlace
 
+PAIR = 2
+
 
 class Spot(NamedTuple):
     """Where something is, such as "in Aisle 3 on Ground hall"."""
@@ -26,3 +28,8 @@ def words(sentence: Callable[[str], str], when: str = "", *more: str) -> Revisio
     """`sentence(when)` is what happens then, and `sentence("")` the same without the time. The summary has `more`."""
     summary = "; ".join([sentence(when), *more])
     return RevisionWords(short_text(sentence(""), MOST_HEADLINE_BYTES), short_text(summary, MOST_SUMMARY_BYTES))
+
+
+def each_waits(robots: int) -> str:
+    """How so many robots lock each other."""
+    return f"each waits for the {'next' if robots > PAIR else 'other'}"

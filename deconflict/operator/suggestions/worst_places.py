@@ -5,14 +5,15 @@ belongs to the resource near which it stands, and what is lost elsewhere to a sq
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
-from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PlaceKey
+from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PairLoss, PlaceKey
 from deconflict.operator.suggestions.loss_causes import CHANGES, SENTENCES, cause_of, turned_vendors
 from deconflict.operator.suggestions.place_rules import (
     CROSSINGS,
     DOCK_SAVES,
+    LEAST_LOSSES,
     ONE_WAY_SAVES,
     PRIORITY_SAVES,
     QUEUES,
@@ -24,13 +25,13 @@ from deconflict.operator.suggestions.place_rules import (
     saving_of,
 )
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import whatif_command
+from deconflict.operator.suggestions.suggestion import minutes, whatif_command
 from deconflict_client.answers.suggestion_models import ChangeKind, SuggestionEvidence, TriedChange, WorstPlace
 
 MOST_PLACES = 5
 SQUARE_M = 10.0
 """What is lost outside all places is summed by squares of this side."""
-LEAST_LOSSES, LEAST_S = 6, 100.0
+LEAST_S = 100.0
 """A place with less is not among the worst, however little is lost elsewhere."""
 SAVES: dict[ChangeKind, tuple[float, float]] = {
     "dock": DOCK_SAVES,
@@ -41,6 +42,7 @@ SAVES: dict[ChangeKind, tuple[float, float]] = {
 """Shares of what is lost. A lane that can't be simulated is not said to be better wider."""
 NOTHING_PAYS = "nothing found that pays"
 TOO_LITTLE = "Too little is lost for an expectation of what would help."
+TOO_FEW = "Too few losses yet ({losses}) for an expectation of what would help."
 UNKNOWN = "No change of the floor is known that would help."
 
 
@@ -61,7 +63,7 @@ def worst_places(evidence: LossEvidence, places: SuggestedPlaces, since_s: float
     return [
         _worst_place(spot, cells, evidence, places, since_s)
         for spot, cells in worst
-        if sum(cell.losses for cell in cells) >= LEAST_LOSSES and sum(cell.lost_s for cell in cells) >= LEAST_S
+        if sum(cell.lost_s for cell in cells) >= LEAST_S
     ]
 
 
@@ -105,7 +107,8 @@ def _worst_place(
         kinds[cell.kind] += cell.lost_s  # type: ignore[assignment]
     worst, passes = max(cells, key=lambda cell: cell.lost_s), evidence.passes.get(spot.key, {})
     keys = {cell.key for cell in cells}
-    figures = evidence.of_cells(cells, [pair for pair in evidence.pairs if pair.key in keys and pair.kind in kinds])
+    pairs = [pair for pair in evidence.pairs if pair.key in keys and pair.kind in kinds]
+    figures = evidence.of_cells(cells, pairs)
     found = WorstPlace(
         floor=spot.key.floor,
         place=spot.key.place,
@@ -123,9 +126,24 @@ def _worst_place(
         turned=turned_vendors(passes),
         since_s=since_s,
     )
-    is_worth = is_enough(figures) and is_steady(evidence, keys)
+    of_robots = _without_people(figures, evidence, pairs, places.people)
+    is_worth = is_enough(of_robots) and is_steady(evidence, keys)
     changes = changes_of(found, evidence, places) if is_worth else ()
-    return _told(found.model_copy(update={"best": _expected(next(iter(changes), None), figures)}))
+    return _told(found.model_copy(update={"best": _expected(next(iter(changes), None), of_robots)}))
+
+
+def _without_people(
+    figures: SuggestionEvidence, evidence: LossEvidence, pairs: Sequence[PairLoss], people: Collection[str]
+) -> SuggestionEvidence:
+    """The figures of a place without what people lose to people, which a change for robots does not save."""
+    among_people = evidence.of_pairs([pair for pair in pairs if {pair.vendor, pair.by} <= set(people)])
+    return figures.model_copy(
+        update={
+            "lost_s_per_hour": max(figures.lost_s_per_hour - among_people.lost_s_per_hour, 0.0),
+            "share": max(figures.share - among_people.share, 0.0),
+            "losses": max(figures.losses - among_people.losses, 0),
+        }
+    )
 
 
 def _expected(change: TriedChange | None, figures: SuggestionEvidence) -> TriedChange | None:
@@ -145,11 +163,18 @@ def _told(found: WorstPlace) -> WorstPlace:
 def _best(found: WorstPlace) -> str:
     """The sentence on what is best, or expected to be, or why there is nothing."""
     if found.best and found.best.saving:
-        how = "Best" if found.tried else "Expected to help"
-        return f"{how}: {found.best.change}, which would save {saved(found.best.saving)}."
+        if found.tried:
+            return f"Best: {found.best.change}, which would save {saved(found.best.saving)}."
+        if found.best.saving.low_s_per_hour > 0:
+            return f"Expected to help: {found.best.change}, which would save {saved(found.best.saving)}."
+        most = minutes(found.best.saving.high_s_per_hour)
+        return f"Simulate this first: {found.best.change}. It may save up to {most} an hour, or lose time."
     if found.tried:
         return f"{NOTHING_PAYS.capitalize()}."
-    return TOO_LITTLE if CHANGES[found.cause] and found.place else UNKNOWN
+    if not (CHANGES[found.cause] and found.place):
+        return UNKNOWN
+    is_few = found.evidence.losses < LEAST_LOSSES
+    return TOO_FEW.format(losses=found.evidence.losses) if is_few else TOO_LITTLE
 
 
 def _tried(change: TriedChange) -> str:

@@ -77,7 +77,7 @@ def test_a_conflict_of_an_older_release_is_advised_of_without_its_old_advice() -
     [
         ([conflict("ab"), conflict("bc")], "3 robots get in each other's way, in Aisle 3"),
         ([conflict("ab")], "Robot a and Robot b cross, in Aisle 3"),
-        ([deadlock("ab")], "Robot a and Robot b lock each other, in Aisle 3: each waits for the next"),
+        ([deadlock("ab")], "Robot a and Robot b lock each other, in Aisle 3: each waits for the other"),
         ([queue("abc")], "2 robots have to wait for Dock 1, up to 40 s; 3 robots need it"),
         ([blockage("xab")], "Robot x has stood for over 30 s, in Aisle 3, in the way of Robot a and Robot b"),
     ],

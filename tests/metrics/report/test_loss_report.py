@@ -1,5 +1,6 @@
 """The report of lost time."""
 
+import os
 from contextlib import closing
 from pathlib import Path
 
@@ -7,9 +8,10 @@ import pytest
 
 from deconflict.__main__ import parser
 from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
 from deconflict.settings.site import LossSettings
 from metrics.replay_files import LogError
-from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED
+from tests.deconflict.operator.ledger.made_entries import CROSSED, LATER, QUEUED, REFUSED, START_S
 
 SPAN = ("--until", "2027-01-17T00:00:00+00:00", "--days", "7")
 
@@ -49,6 +51,15 @@ def test_the_report_says_what_to_change_or_why_nothing(data: Path) -> None:
     assert "<li>Aisle 3: robots lose" in page
     assert "because robots cross without an order" in page
     assert "<code>deconflict whatif LOG --site SITE.toml --order &#x27;Aisle 3&#x27;</code>" in page
+
+
+def test_hours_after_the_service_ended_do_not_count_as_hours_without_losses(data: Path) -> None:
+    with closing(LossLedger(data, LossSettings())) as ledger:
+        ledger.add("engine", 2, [CROSSED._replace(place="Aisle 3", lost_s=30.0)] * 40)
+    (data / LEARNED).touch()
+    os.utime(data / LEARNED, times=(START_S + 600.0, START_S + 600.0))
+    assert run(["losses", "--data", str(data), "--html", str(data / "w.html"), *SPAN]) == 0
+    assert "<li>Aisle 3: robots lose 120 min an hour (99% of all lost time, in 10 min)" in (data / "w.html").read_text()
 
 
 def test_the_report_has_what_each_vendor_refused_and_could_not(data: Path) -> None:

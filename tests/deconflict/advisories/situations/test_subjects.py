@@ -101,6 +101,22 @@ def test_what_goes_on_when_the_subject_is_over_is_another_situation() -> None:
     assert cleared.cleared_code is ClearedCode.PASSED
 
 
+def test_a_situation_that_is_over_names_more_than_one_robot_of_its_subject_or_all() -> None:
+    situations, first, after = lifecycle(), conflict("ab", left_s=60.0), conflict("bc", left_s=60.0)
+    (whole,) = situations.revise(NOW_S, [first])
+    situations.revise(NOW_S + 1, [after, ended(first, NOW_S + 1)])
+    situations.revise(NOW_S + 5, [ended(after, NOW_S + 5)])
+    cleared = by_id(situations.revise(NOW_S + 5 + OVER_S, []))[whole.id]
+    assert cleared.summary.startswith("Robot b and Robot c were about to get in each other's way")
+
+
+def test_a_knot_counts_the_robots_that_it_lists() -> None:
+    situations = lifecycle()
+    situations.revise(NOW_S, [conflict("ab", 9.0), conflict("ac", 9.0), conflict("bc", 9.0), conflict("cd", 9.0)])
+    (knot,) = situations.open()
+    assert (knot.situation_kind, knot.headline.split(" robots")[0]) == ("knot", str(len(knot.robots)))
+
+
 def test_how_it_ended_is_how_its_subject_ended() -> None:
     """And not how another meeting ended later that was part of it."""
     situations, first, near = lifecycle(), conflict("ab", left_s=60.0), conflict("cd", x_m=2.0, left_s=60.0)

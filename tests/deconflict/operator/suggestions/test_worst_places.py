@@ -114,6 +114,32 @@ def test_what_was_not_tried_is_not_said_to_pay_nothing() -> None:
     assert blocked.text.endswith("Nothing was tried yet. No change of the floor is known that would help.")
 
 
+def test_a_place_with_few_long_losses_is_listed_and_says_that_they_are_few() -> None:
+    [found] = worst_places(evidence([MEETING._replace(lost_s=60.0)] * 4), PLACES, 0.0)
+    assert found.best is None
+    assert found.text.endswith("Too few losses yet (4) for an expectation of what would help.")
+
+
+def test_what_people_lose_to_people_is_no_reason_for_an_order_of_robots() -> None:
+    crossing = loss("crossing", "Corner", 85.0, 85.0)
+    on_foot = replace(PLACES, people=frozenset(("Alder", "Corvid")))
+    [found] = worst_places(made(crossing), on_foot, 0.0)
+    assert found.best is None
+    [found] = worst_places(made(crossing, crossing._replace(by_vendor="Basalt")), on_foot, 0.0)
+    assert found.best
+    assert found.best.saving
+    [as_robots] = worst_places(made(crossing, crossing._replace(by_vendor="Basalt")), PLACES, 0.0)
+    assert as_robots.best
+    assert as_robots.best.saving
+    assert found.best.saving.high_s_per_hour < as_robots.best.saving.high_s_per_hour
+
+
+def test_a_change_that_may_lose_time_is_not_expected_to_help() -> None:
+    [found] = worst(loss("crossing", "Corner", 85.0, 85.0))
+    assert "Simulate this first: Corner entered from one side at a time. It may save up to" in found.text
+    assert found.text.endswith("an hour, or lose time.")
+
+
 def test_at_a_crossing_the_vendor_that_loses_most_may_go_first() -> None:
     facts = made(loss("crossing", "Corner", 85.0, 85.0))
     [found] = worst_places(facts, PLACES, 0.0)
