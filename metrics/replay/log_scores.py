@@ -8,7 +8,6 @@ from typing import Any
 
 from deconflict.foresight.near_misses.near_events import NearEvent
 from deconflict.foresight.near_misses.warning_before import lead_of, warning_before
-from deconflict.foresight.presence.live_robots import on_foot
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.settings.site import Site
@@ -62,11 +61,9 @@ class LogScores:
         self.names.vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
         self.names.name_of.update(zip(batch.robots, batch.names, strict=True))
         self.names.participant_of.update(zip(batch.robots, batch.participants, strict=True))
-        self.truth.silences.on_foot.difference_update(batch.robots)
-        self.truth.silences.on_foot.update(on_foot(batch))
         self.names.floors = batch.floors
         self.tracks.add_batch(batch)
-        self.truth.report(batch.robots, batch.forecasts, batch.reports_within_s)
+        self.truth.add_batch(batch)
         self.absences.add_batch(batch)
         self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
         self.arrivals.add_batch(batch)

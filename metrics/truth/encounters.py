@@ -13,7 +13,8 @@ from math import floor, inf
 
 import numpy as np
 
-from ingest.batch import Floats, Forecasts, Ints, Pair
+from deconflict.foresight.presence.live_robots import on_foot
+from ingest.batch import Batch, Floats, Forecasts, Ints, Pair
 from metrics.truth.nearest_scenes import NearestScenes
 from metrics.truth.recorded_motion import RecordedMotion, RecordedPlace, SampledMotion
 from metrics.truth.separations import Separations, separations
@@ -65,6 +66,16 @@ class EncounterFinder:
             return inf
         return -inf if self._next is None else (self._next - 1) * STEP_S
 
+    def add_batch(self, batch: Batch) -> None:
+        """Add the reports of a batch. What two people on foot do to each other is nobody's concern."""
+        self.silences.on_foot.difference_update(batch.robots)
+        self.silences.on_foot.update(on_foot(batch))
+        self.report(batch.robots, batch.forecasts, batch.reports_within_s)
+
+    def are_on_foot(self, pair: Pair) -> bool:
+        """Whether both of a pair are people on foot."""
+        return self.silences.on_foot.issuperset(pair)
+
     def report(self, robots: Sequence[str], forecasts: Forecasts, reports_within_s: Floats | None = None) -> None:
         """Add the present poses of robots that have reported. These are the first knots of the forecasts.
         `reports_within_s` (n,) as in a batch."""
@@ -111,11 +122,18 @@ class EncounterFinder:
             return
         first, self._next = self._next, self._next + samples
         sampled = self.motion.sampled(first, samples, STEP_S)
-        near = separations(sampled, max(below.apart_m for below in self._below.values()))
+        near = self._without_people(separations(sampled, max(below.apart_m for below in self._below.values())))
         for below in self._below.values():
             below.advance(near, sampled, self.motion)
         self.scenes.add(sampled, near, self.motion)
         self.silences.find_driven_through(sampled)
+
+    def _without_people(self, near: Separations) -> Separations:
+        if not self.silences.on_foot:
+            return near
+        slots, uuids = np.unique([near.a, near.b]), self.motion.slots.uuids
+        people = [slot for slot in slots.tolist() if uuids[slot] in self.silences.on_foot]
+        return near.take(np.flatnonzero(~(np.isin(near.a, people) & np.isin(near.b, people))))
 
 
 class ThresholdEncounters:

@@ -148,8 +148,9 @@ class AllPairOutcomes:
         return PairOutcomes.of(yield_events, encounters) if yield_events or encounters else NOTHING
 
     def pairs(self) -> set[Pair]:
-        """The pairs that met or waited."""
-        return {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
+        """The pairs that met or waited, but for two people on foot."""
+        found = {*self._interactions.by_pair, *self._truth.by_pair(self._clearance_m)}
+        return {pair for pair in found if not self._truth.are_on_foot(pair)}
 
     def every(self, pairs: Collection[Pair] | None = None) -> dict[Pair, PairOutcomes]:
         """The outcomes of each pair that met or waited, or of these pairs."""
@@ -172,11 +173,11 @@ class AllPairOutcomes:
     def lasting_onsets_s(self, least_s: float) -> dict[Pair, list[float]]:
         """By pair, the onsets of its encounters, and of stops that last at least `least_s`."""
         onsets_s: dict[Pair, list[float]] = {}
-        for pair, events in self._interactions.by_pair.items():
+        for pair in self.pairs():
+            events = self._interactions.by_pair.get(pair, ())
             stops = (event for event in events if event.outcome is InteractionOutcome.YIELDED)
             onsets_s[pair] = [event.onset_s for event in stops if event.end_s - event.onset_s >= least_s]
-        for pair, encounters in self._truth.by_pair(self._clearance_m).items():
-            onsets_s.setdefault(pair, []).extend(encounter.start_s for encounter in encounters)
+            onsets_s[pair] += (encounter.start_s for encounter in self._truth.by_pair(self._clearance_m).get(pair, ()))
         return onsets_s
 
     def left_s(self, pair: Pair, from_s: float) -> float:

@@ -81,7 +81,7 @@ class WarningJudge:
             self._vendors.add(vendor)
             self._begin_counters(vendor)
         self._vendor_of.update(zip(batch.robots, batch.vendors, strict=True))
-        self._truth.report(batch.robots, batch.forecasts, batch.reports_within_s)
+        self._truth.add_batch(batch)
         self._interactions.add_batch(batch, self._forecasts.add_batch(batch, now_s, bands_m))
         self._note(revisions)
         self._waits.add(now_s, waiting)

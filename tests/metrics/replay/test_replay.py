@@ -13,6 +13,7 @@ from deconflict_client.situations import REVISION
 from ingest.languages import timestamps
 from ingest.settings import Vendor
 from metrics.report.replay_summary import first_sentences
+from metrics.scoring.warnings.warning_quality import WarningQuality
 from tests.helpers.commands import run
 from tests.helpers.saying import identity, robot, status
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
@@ -84,6 +85,16 @@ def test_people_are_counted_apart_and_no_robot_hour_has_them(tmp_path: Path) -> 
     )
     assert hours == pytest.approx((24 / 3600,) * 3)
     assert figures["warnings"]["by_minute"][0]["robots"] <= 1.0
+
+
+def test_what_two_people_do_to_each_other_is_no_event_of_the_report(tmp_path: Path) -> None:
+    log = log_of_a_crossing(tmp_path / "log.jsonl")
+    of_robots = scored(log, [0.3])
+    people = Vendor(name="Alder", participants={"person": (robot("A-1"), robot("B-1"))})
+    of_people = scored(log, [0.3], Site(vendors=(people,)))
+    figures = [result["scores"][0] for result in (of_robots, of_people)]
+    assert [(each["encounters"], WarningQuality.of(each["warnings"]).events) for each in figures] == [(1, 1), (0, 0)]
+    assert of_people["nearest"] == []
 
 
 def test_figures_are_also_by_vendor(tmp_path: Path) -> None:
