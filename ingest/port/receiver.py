@@ -29,7 +29,7 @@ from ingest.port.frame_cutter import FrameCuttingConnection
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.security.certificates import Certificates, names
 from ingest.security.failed_sign_ins import FailedSignIns
-from ingest.security.origin_check import is_cross_site, is_page_elsewhere
+from ingest.security.origin_check import is_cross_site, is_fetched_elsewhere, is_page_elsewhere
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN, ReceiverSettings
@@ -277,7 +277,8 @@ class Receiver:
     def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
         origins, hosts = request.headers.get_all("Origin"), request.headers.get_all("Host")
         is_foreign = is_cross_site if self._credentials.needed else is_page_elsewhere
-        if any(is_foreign(origin, "".join(hosts)) for origin in origins):
+        fetched = not origins and any(map(is_fetched_elsewhere, request.headers.get_all("Sec-Fetch-Site")))
+        if fetched or any(is_foreign(origin, "".join(hosts)) for origin in origins):
             return Refusal(403, "another-site", "pages of other sites may not speak for robots")
         encrypted = connection.transport.get_extra_info("ssl_object")
         certificate_names = names(encrypted.getpeercert()) if encrypted else ()

@@ -35,6 +35,14 @@ def host_of(header: str) -> str:
         return ""
 
 
+def is_fetched_elsewhere(fetched_by: str | None) -> bool:
+    """Whether a browser says by `Sec-Fetch-Site` that a page of another site makes the request.
+
+    It says so also where it sends no `Origin`: for images, scripts, frames and forms that only read.
+    """
+    return (fetched_by or "").strip().lower() == "cross-site"
+
+
 def is_cross_site(origin: str, host: str) -> bool:
     """Whether a browser makes the request for a page that is neither of this machine nor of the name requested.
 

@@ -19,7 +19,7 @@ from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.port.connection_shares import site_of
 from ingest.security.certificates import Certificates
 from ingest.security.failed_sign_ins import FailedSignIns
-from ingest.security.origin_check import host_of, is_fixed, is_loopback
+from ingest.security.origin_check import host_of, is_fetched_elsewhere, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret_of
 from ingest.security.vendor_credentials import VendorCredentials
 
@@ -138,7 +138,9 @@ class AccessMiddleware:
         """The response to a request that is not passed on; None for one that is."""
         headers, path = Headers(scope=scope), scope["path"]
         method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
-        if _is_cross_site(headers):
+        if _is_cross_site(headers) or (
+            _is_without_origin_elsewhere(headers) and not _is_followed_link(method, headers)
+        ):
             return _refused(403, "pages of other sites may not use this service")
         if not self._people:
             return self._refusal_without_people(headers)
@@ -222,6 +224,18 @@ def _is_cross_site(headers: Headers) -> bool:
         return origin is not None and urlsplit(origin).netloc != headers.get("host")
     except ValueError:
         return True
+
+
+def _is_without_origin_elsewhere(headers: Headers) -> bool:
+    return "origin" not in headers and any(map(is_fetched_elsewhere, headers.getlist("sec-fetch-site")))
+
+
+def _is_followed_link(method: str, headers: Headers) -> bool:
+    """Whether a person follows a link to this service in a window of its own, which the other page can't read."""
+    return method == "GET" and (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == (
+        "navigate",
+        "document",
+    )
 
 
 def _refused(status: int, reason: str) -> Response:

@@ -365,7 +365,10 @@ async def test_a_page_of_another_site_may_not_speak_for_robots(monkeypatch: pyte
             with pytest.raises(InvalidStatus) as refused:
                 await connect(served_floor.url, origin=Origin(origin))
             assert refused.value.response.status_code == 403
-        assert served_floor.count("another-site") == 2
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(served_floor.url, additional_headers={"Sec-Fetch-Site": "cross-site"})
+        assert refused.value.response.status_code == 403
+        assert served_floor.count("another-site") == 3
         async with connect(served_floor.url, origin=Origin("http://localhost:5173")) as local:
             await local.send("heard")
             await until(lambda: served_floor.raws() == [b"heard"])

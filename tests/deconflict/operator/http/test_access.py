@@ -39,6 +39,21 @@ async def test_without_people_everybody_has_access(tmp_path: Path) -> None:
         assert (await client.get("/advisories")).status_code == 200
 
 
+async def test_what_a_page_of_another_site_fetches_without_an_origin_is_refused(tmp_path: Path) -> None:
+    elsewhere = {"sec-fetch-site": "cross-site"}
+    frame = elsewhere | {"sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"}
+    link = elsewhere | {"sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+    async with served(tmp_path) as face, http_client(face.http) as client:
+        for headers in (elsewhere, frame):
+            assert (await client.get("/advisories", headers=headers)).status_code == 403
+        assert (await client.post("/reload", headers=link)).status_code == 403
+        assert (await client.get("/advisories", headers=link)).status_code == 200
+        assert (await client.get("/advisories", headers={"sec-fetch-site": "same-origin"})).status_code == 200
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(face.stream(), additional_headers=link | {"sec-fetch-mode": "websocket"})
+        assert refused.value.response.status_code == 403
+
+
 async def test_without_a_token_only_health_is_served(tmp_path: Path, people: tuple[Person, ...]) -> None:
     async with (
         served(tmp_path, people=people) as face,
