@@ -1,11 +1,10 @@
 """The credentials for the NATS servers, and the authority that this machine trusts."""
 
-import ssl
 from collections.abc import Callable
 from typing import Any
 
 from deconflict.settings.cluster_settings import Cluster
-from ingest.security.certificates import CertificateError
+from ingest.security.certificates import client_context
 from ingest.security.tokens import renewed, secret
 
 
@@ -17,7 +16,7 @@ def credentials(settings: Cluster) -> dict[str, Any]:
     if settings.user:
         arguments |= {"user": settings.user, "password": _current_secret(settings.password)}
     if settings.ca or settings.certificate:
-        arguments["tls"] = _context(settings.ca, settings.certificate)
+        arguments["tls"] = client_context(settings.ca, settings.certificate)
     return arguments
 
 
@@ -31,16 +30,3 @@ def _current_secret(source: str) -> Callable[[], str]:
         return known
 
     return current
-
-
-def _context(ca: str, certificate: str) -> ssl.SSLContext:
-    try:
-        context = ssl.create_default_context(cafile=ca or None)
-        if certificate:
-            context.load_cert_chain(certificate)
-    except (OSError, ssl.SSLError) as error:
-        files = ", ".join(filter(None, (ca, certificate)))
-        raise CertificateError(
-            f"{files}: {error}; expected PEM files of an authority, and of a certificate with its key"
-        ) from error
-    return context
