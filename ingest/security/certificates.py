@@ -2,8 +2,9 @@
 
 import logging
 import ssl
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +17,17 @@ class CertificateError(ValueError):
     """Certificates that can't be used; the message names the files."""
 
 
-class Certificates:
-    """A server context, replaced as a whole by `refresh`: a context in use keeps what was loaded into it.
+class RenewedContext:
+    """A context of TLS, replaced as a whole by `refresh`: a context in use keeps what was loaded into it.
 
     So files that do not fit together change nothing, and an authority that was taken out is trusted no longer.
     """
 
-    def __init__(self, settings: Tls) -> None:
-        """Raises `CertificateError`."""
-        self._settings = settings
-        self._files = tuple(filter(None, (settings.certificate, settings.key, settings.clients)))
+    def __init__(self, files: Iterable[str], load: Callable[[], ssl.SSLContext]) -> None:
+        """`load` makes a context of the files. Raises `CertificateError`."""
+        self._files, self._load = tuple(filter(None, files)), load
         self._read = signatures(self._files)
-        self.context = self._loaded()
+        self.context = load()
 
     def refresh(self) -> None:
         """Use changed files for handshakes that begin from now on. If they can't be used, log it and use no part."""
@@ -36,21 +36,41 @@ class Certificates:
             return
         self._read = changed
         try:
-            self.context = self._loaded()
+            self.context = self._load()
         except CertificateError as error:
             log.error("the earlier certificates stay in use: %s", error)
         else:
-            log.info("certificates are read again from %s", self._settings.certificate)
+            log.info("certificates are read again from %s", ", ".join(self._files))
 
-    def _loaded(self) -> ssl.SSLContext:
-        settings, context = self._settings, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        with reading(self._files, "expected PEM files of a certificate and its key"):
-            context.load_cert_chain(settings.certificate, settings.key or None, no_password)
-            if settings.clients:
-                context.verify_mode = ssl.CERT_OPTIONAL
-                context.load_verify_locations(settings.clients)
-        return context
+
+class Certificates(RenewedContext):
+    """The context of a server."""
+
+    def __init__(self, settings: Tls) -> None:
+        """Raises `CertificateError`."""
+        files = settings.certificate, settings.key, settings.clients
+        super().__init__(files, partial(server_context, settings))
+
+
+class ClientCertificates(RenewedContext):
+    """The context of connections to servers, as `client_context` makes it."""
+
+    def __init__(self, ca: str, certificate: str) -> None:
+        """Raises `CertificateError`."""
+        super().__init__((ca, certificate), partial(client_context, ca, certificate))
+
+
+def server_context(settings: Tls) -> ssl.SSLContext:
+    """A new context for a port. Raises `CertificateError`."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    files = tuple(filter(None, (settings.certificate, settings.key, settings.clients)))
+    with reading(files, "expected PEM files of a certificate and its key"):
+        context.load_cert_chain(settings.certificate, settings.key or None, no_password)
+        if settings.clients:
+            context.verify_mode = ssl.CERT_OPTIONAL
+            context.load_verify_locations(settings.clients)
+    return context
 
 
 def client_context(ca: str = "", certificate: str = "") -> ssl.SSLContext:

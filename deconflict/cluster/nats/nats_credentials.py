@@ -4,20 +4,25 @@ from collections.abc import Callable
 from typing import Any
 
 from deconflict.settings.cluster_settings import Cluster
-from ingest.security.certificates import client_context
+from ingest.security.certificates import ClientCertificates
 from ingest.security.tokens import renewed, secret
 
 
 def credentials(settings: Cluster) -> dict[str, Any]:
-    """The credentials as arguments of the NATS client. Raises `SecretError` and `CertificateError`."""
+    """The credentials as arguments of the NATS client. Raises `SecretError`."""
     arguments: dict[str, Any] = {}
     if settings.token:
         arguments["token"] = _current_secret(settings.token)
     if settings.user:
         arguments |= {"user": settings.user, "password": _current_secret(settings.password)}
-    if settings.ca or settings.certificate:
-        arguments["tls"] = client_context(settings.ca, settings.certificate)
     return arguments
+
+
+def certificates(settings: Cluster) -> ClientCertificates | None:
+    """The certificates for the servers; None for what this machine trusts. Raises `CertificateError`."""
+    if settings.ca or settings.certificate:
+        return ClientCertificates(settings.ca, settings.certificate)
+    return None
 
 
 def _current_secret(source: str) -> Callable[[], str]:
