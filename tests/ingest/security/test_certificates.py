@@ -26,7 +26,9 @@ def site_tls(authority: trustme.CA, site_tls: Tls, tmp_path: Path) -> Tls:
     return site_tls.model_copy(update={"clients": str(tmp_path / "clients.pem")})
 
 
-async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA, site_tls: Tls) -> None:
+async def test_a_vendor_is_known_by_its_client_certificate(
+    authority: trustme.CA, site_tls: Tls, caplog: pytest.LogCaptureFixture
+) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
     async with floor(vendors, tls=site_tls) as served_floor:
         url = f"wss://127.0.0.1:{served_floor.receiver.port}"
@@ -39,15 +41,21 @@ async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA
                 await connect(url, ssl=trusting(authority, stranger))
             assert refused.value.response.status_code == 401
         assert served_floor.count("unauthorised") == 2
+        assert caplog.text.count("127.0.0.1 is refused, which is logged once: send the vendor's token") == 1
 
 
-async def test_a_certificate_of_a_foreign_authority_is_not_taken(authority: trustme.CA, site_tls: Tls) -> None:
+async def test_a_certificate_of_a_foreign_authority_is_not_taken(
+    authority: trustme.CA, site_tls: Tls, caplog: pytest.LogCaptureFixture
+) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
     foreign = trusting(authority)
     trustme.CA().issue_cert(common_name="alder-fleet").configure_cert(foreign)
     async with floor(vendors, tls=site_tls) as served_floor:
-        with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
-            await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=foreign)
+        for _ in range(3):
+            with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
+                await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=foreign)
+        await until(lambda: served_floor.count("tls-failed") == 3)
+        assert caplog.text.count("127.0.0.1 is refused, which is logged once: the TLS handshake failed: ") == 1
         assert served_floor.connections == 0
 
 
