@@ -17,19 +17,18 @@ LOCKS = ".*.lock"
 """Matches the names of the files that are locked."""
 
 MADE_HERE = (
-    ".",
     "advisories*",
     "losses*",
     "owners*",
     "learned*",
-    "fleet*",
+    "robots*",
     ".*.lock",
     "log",
     "log/*",
     "blackbox",
     "blackbox/*",
 )
-"""What a service makes there. Other files of the directory are left alone."""
+"""What a service makes there. Other files, and a directory that others may use, are left alone."""
 
 log = logging.getLogger(__name__)
 
@@ -63,9 +62,7 @@ def create_data_directory(directory: Path) -> None:
 
 def _restrict(directory: Path) -> None:
     """Take the rights from what an earlier release has written, too. Links are not followed."""
-    for path in (
-        found for pattern in MADE_HERE for found in ([directory] if pattern == "." else directory.glob(pattern))
-    ):
+    for path in (found for pattern in MADE_HERE for found in directory.glob(pattern)):
         with suppress(OSError):
             mode = path.lstat().st_mode
             if (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) and mode & OTHERS:

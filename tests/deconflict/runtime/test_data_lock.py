@@ -51,7 +51,7 @@ def test_files_of_an_earlier_release_get_the_rights_of_today(tmp_path: Path) -> 
     (data / "log" / "link").symlink_to(elsewhere)
     code = "import sys; from pathlib import Path; from deconflict.runtime.data_lock import create_data_directory\n"
     subprocess.run([sys.executable, "-c", f"{code}create_data_directory(Path(sys.argv[1]))", str(data)], check=True)
-    assert [path.stat().st_mode & 0o777 for path in (data, data / "log")] == [0o750, 0o750]
+    assert [path.stat().st_mode & 0o777 for path in (data, data / "log")] == [0o755, 0o750]
     assert {name: file.stat().st_mode & 0o777 for name, file in files.items()} == {
         "advisories.db": 0o640,
         "owners.json": 0o640,
