@@ -162,6 +162,7 @@ class OperatorRole:
             if self._store.has_pending:
                 await self._publisher.store_pending()
             self._outlets.refresh()
+            self.sources.certificates.document(self._site, time.time())  # it logs what ends soon
 
     async def _reload(self) -> None:
         """Use changed settings as soon as the supervisor has written them."""

@@ -21,6 +21,7 @@ from deconflict.operator.store.store import StoreError
 from deconflict.operator.vendor_health import vendor_health
 from deconflict.roles.health.admission_health import admission_document, pairs_document
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
+from deconflict.roles.health.certificate_health import EXPIRES, CertificateHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
 from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
@@ -72,6 +73,7 @@ class OperatorSources:
         self.notice = ""
         """A sentence for people that the page shows."""
         self._recording, self.files = RecordingHealth(), FileHealth(data_files(site, data))
+        self.certificates = CertificateHealth()
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
@@ -111,6 +113,8 @@ class OperatorSources:
         up, own = await self._roles_up(receiver is not None), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
+        ends = self.certificates.expiry_s(self.history.site)
+        own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
         if not self._is_cluster:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
@@ -135,6 +139,7 @@ class OperatorSources:
             "positions": positions_document(receiver or []),
             "brokers": brokers_document(brokers),
             "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
+            "certificates": self.certificates.document(self.history.site, time.time()),
             "supervisor": supervisor_health(self._runtime),
         }
         if not self._is_cluster:

@@ -3,8 +3,9 @@
 import fcntl
 import logging
 import os
+import stat
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from ingest.recording.plain_files import opened
@@ -14,6 +15,20 @@ OTHERS = 0o027
 ELSEWHERE = "set another store.directory, or --data"
 LOCKS = ".*.lock"
 """Matches the names of the files that are locked."""
+
+MADE_HERE = (
+    "advisories*",
+    "losses*",
+    "owners*",
+    "learned*",
+    "robots*",
+    ".*.lock",
+    "log",
+    "log/*",
+    "blackbox",
+    "blackbox/*",
+)
+"""What a service makes there. Other files, and a directory that others may use, are left alone."""
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +57,16 @@ def create_data_directory(directory: Path) -> None:
         return
     if not os.access(directory, os.W_OK | os.X_OK):
         log.error("%s can't be written to; nothing is kept until it can; mend its disk, or %s", directory, ELSEWHERE)
+    _restrict(directory)
+
+
+def _restrict(directory: Path) -> None:
+    """Take the rights from what an earlier release has written, too. Links are not followed."""
+    for path in (found for pattern in MADE_HERE for found in directory.glob(pattern)):
+        with suppress(OSError):
+            mode = path.lstat().st_mode
+            if (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) and mode & OTHERS:
+                path.chmod(stat.S_IMODE(mode) & ~OTHERS)
 
 
 @contextmanager

@@ -47,7 +47,9 @@ class Mqtt(Section):
     password: SecretSource = ""
     """Source of the password, `file:PATH` or `env:NAME`."""
     tls: bool = False
-    """Use TLS, with the authorities that this machine trusts."""
+    """Use TLS."""
+    ca: str = ""
+    """PEM file of the authority of the broker's certificate. If absent, those that this machine trusts."""
     retry_s: Backoff = (1.0, 60.0)
     """First and longest wait before connecting again."""
 
@@ -61,6 +63,8 @@ def outlet_problems(webhooks: Iterable[Webhook], mqtt: Mqtt | None) -> Iterator[
             yield f"webhooks[{row}].name: {webhook.name!r} is taken; give each outlet a name of its own"
         if not webhook.secret:
             yield f"webhooks[{row}].secret: is empty; expected env:NAME or file:PATH"
+    if mqtt and mqtt.ca and not mqtt.tls:
+        yield "mqtt.ca: is used over TLS alone; set tls = true"
     waits = [(f"webhooks[{row}]", webhook.retry_s) for row, webhook in enumerate(hooks)]
     for key, (first_s, longest_s) in [*waits, *([("mqtt", mqtt.retry_s)] if mqtt else [])]:
         if first_s > longest_s:

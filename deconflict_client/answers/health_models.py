@@ -37,6 +37,10 @@ class FilesHealthPart(PartHealth):
     faults: dict[str, str] = Field({}, description="by file, why it can't be used, and what to do")
 
 
+class CertificatesHealthPart(PartHealth):
+    expires_s: dict[str, float] = Field({}, description="by key of the site file, Unix time of the end")
+
+
 class CanaryHealthPart(PartHealth):
     latency_s: float = Field(description="from the messages of made-up robots to the stored advisory")
 
@@ -82,6 +86,7 @@ class ServiceHealth(BaseModel):
     positions: RobotsHealthPart | None = None
     brokers: BrokersHealthPart | None = None
     files: FilesHealthPart | None = None
+    certificates: CertificatesHealthPart | None = None
     supervisor: PartHealth | None = None
     canary: CanaryHealthPart | None = Field(None, description="null in a cluster")
     site: SiteFileState = SiteFileState()

@@ -23,13 +23,14 @@ from websockets.protocol import State
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, set_options
-from ingest.port.connection_shares import ConnectionShares, Newcomers, holder_of
+from ingest.port.connection_shares import ConnectionShares, Newcomers, holder_of, site_of
 from ingest.port.fair_delivery import Deliver, FairDelivery
 from ingest.port.frame_cutter import FrameCuttingConnection
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.security.certificates import Certificates, names
 from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import is_cross_site, is_fetched_elsewhere, is_page_elsewhere
+from ingest.security.refused_clients import RefusedClients
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
 from ingest.settings import UNKNOWN, ReceiverSettings
@@ -100,7 +101,7 @@ class Receiver:
         self._closing: set[asyncio.Task[None]] = set()
         self._limit = settings.max_connections
         self._shares: ConnectionShares[Session] = ConnectionShares()
-        self._failed_sign_ins = FailedSignIns()
+        self._failed_sign_ins, self._refused_clients = FailedSignIns(), RefusedClients()
         self._delivery = FairDelivery(settings, deliver, overtaken, measures, owner_of)
         self._slices = self._delivery.slices
 
@@ -255,6 +256,7 @@ class Receiver:
         vendor, peer = self._vendor_of(connection, request), _peer(connection)
         if isinstance(vendor, Refusal):
             self._count_refused(vendor.counted_as)
+            self._refused_clients.note(site_of(peer), vendor.reason)
             if vendor.status == HTTPStatus.UNAUTHORIZED and "Authorization" in request.headers:
                 await asyncio.sleep(self._failed_sign_ins.delay_s(peer, asyncio.get_running_loop().time()))
             return connection.respond(HTTPStatus(vendor.status), f"{vendor.reason}\n")

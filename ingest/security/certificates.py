@@ -2,6 +2,9 @@
 
 import logging
 import ssl
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,45 +17,103 @@ class CertificateError(ValueError):
     """Certificates that can't be used; the message names the files."""
 
 
-class Certificates:
-    """One server context. Certificates that `refresh` has read again hold for connections that open from then on."""
+class RenewedContext:
+    """A context of TLS, replaced as a whole by `refresh`: a context in use keeps what was loaded into it.
 
-    def __init__(self, settings: Tls) -> None:
-        """Raises `CertificateError`."""
-        self._settings = settings
-        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        self.context.minimum_version = ssl.TLSVersion.TLSv1_2
-        if settings.clients:
-            self.context.verify_mode = ssl.CERT_OPTIONAL
-        self._read = self._changed()
-        self._load()
+    So files that do not fit together change nothing, and an authority that was taken out is trusted no longer.
+    """
+
+    def __init__(self, files: Iterable[str], load: Callable[[], ssl.SSLContext]) -> None:
+        """`load` makes a context of the files. Raises `CertificateError`."""
+        self._files, self._load = tuple(filter(None, files)), load
+        self._read = signatures(self._files)
+        self.context = load()
 
     def refresh(self) -> None:
-        """Load the files again if one has changed. If that fails, it is logged; the old ones stay in use."""
-        changed = self._changed()
+        """Use changed files for handshakes that begin from now on. If they can't be used, log it and use no part."""
+        changed = signatures(self._files)
         if changed == self._read:
             return
         self._read = changed
         try:
-            self._load()
+            self.context = self._load()
         except CertificateError as error:
             log.error("the earlier certificates stay in use: %s", error)
         else:
-            log.info("certificates are read again from %s", self._settings.certificate)
+            log.info("certificates are read again from %s", ", ".join(self._files))
 
-    def _load(self) -> None:
-        settings = self._settings
-        try:
-            self.context.load_cert_chain(settings.certificate, settings.key or None)
-            if settings.clients:
-                self.context.load_verify_locations(settings.clients)
-        except (OSError, ssl.SSLError) as error:
-            files = ", ".join(filter(None, (settings.certificate, settings.key, settings.clients)))
-            raise CertificateError(f"{files}: {error}; expected PEM files of a certificate and its key") from error
 
-    def _changed(self) -> tuple[int, ...]:
-        files = filter(None, (self._settings.certificate, self._settings.key, self._settings.clients))
-        return tuple(Path(file).stat().st_mtime_ns if Path(file).exists() else 0 for file in files)
+class Certificates(RenewedContext):
+    """The context of a server."""
+
+    def __init__(self, settings: Tls) -> None:
+        """Raises `CertificateError`."""
+        files = settings.certificate, settings.key, settings.clients
+        super().__init__(files, partial(server_context, settings))
+
+
+class ClientCertificates(RenewedContext):
+    """The context of connections to servers, as `client_context` makes it."""
+
+    def __init__(self, ca: str, certificate: str) -> None:
+        """Raises `CertificateError`."""
+        super().__init__((ca, certificate), partial(client_context, ca, certificate))
+
+
+def server_context(settings: Tls) -> ssl.SSLContext:
+    """A new context for a port. Raises `CertificateError`."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    files = tuple(filter(None, (settings.certificate, settings.key, settings.clients)))
+    with reading(files, "expected PEM files of a certificate and its key"):
+        context.load_cert_chain(settings.certificate, settings.key or None, no_password)
+        if settings.clients:
+            context.verify_mode = ssl.CERT_OPTIONAL
+            context.load_verify_locations(settings.clients)
+    return context
+
+
+def client_context(ca: str = "", certificate: str = "") -> ssl.SSLContext:
+    """A new context for connections to a server that `ca` signed; if it is empty, one that this machine trusts.
+
+    Raises `CertificateError`.
+    """
+    files = tuple(filter(None, (ca, certificate)))
+    with reading(files, "expected PEM files of an authority, and of a certificate with its key"):
+        context = ssl.create_default_context(cafile=ca or None)
+        if certificate:
+            context.load_cert_chain(certificate, password=no_password)
+    return context
+
+
+@contextmanager
+def reading(files: Iterable[str], expected: str) -> Iterator[None]:
+    """Raises `CertificateError` if a file is none, or the block can't use the files."""
+    for file in files:
+        if Path(file).exists() and not Path(file).is_file():
+            raise CertificateError(f"{file}: is no file; {expected}")
+    try:
+        yield
+    except (OSError, ssl.SSLError) as error:
+        raise CertificateError(f"{', '.join(files)}: {error}; {expected}") from error
+
+
+def signatures(files: Iterable[str]) -> tuple[tuple[int, ...], ...]:
+    """What changes when a file is written, replaced or made readable."""
+    return tuple(_signature(Path(file)) for file in files)
+
+
+def _signature(file: Path) -> tuple[int, ...]:
+    try:
+        found = file.stat()
+    except OSError:
+        return ()
+    return found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino
+
+
+def no_password() -> str:
+    """Without it, OpenSSL would ask for the password of an encrypted key on the terminal, and wait."""
+    return ""
 
 
 def names(certificate: dict[str, Any] | None) -> tuple[str, ...]:

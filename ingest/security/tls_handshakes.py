@@ -7,6 +7,7 @@ import asyncio
 from collections.abc import Callable
 
 from ingest.security.certificates import Certificates
+from ingest.security.refused_clients import RefusedClients
 
 
 class TlsHandshakes:
@@ -14,6 +15,7 @@ class TlsHandshakes:
 
     def __init__(self, certificates: Certificates, within_s: float, failed: Callable[[], None]) -> None:
         self._certificates, self._within_s, self._failed = certificates, within_s, failed
+        self._refused = RefusedClients()
         self._tasks: set[asyncio.Task[None]] = set()
 
     def __len__(self) -> int:
@@ -47,8 +49,10 @@ class TlsHandshakes:
                 server_side=True,
                 ssl_handshake_timeout=self._within_s,
             )
-        except OSError:
+        except OSError as error:
             encrypted = None
+            address = (transport.get_extra_info("peername") or ("",))[0]
+            self._refused.note(str(address), f"the TLS handshake failed: {error or type(error).__name__}")
         if encrypted is None:
             self._failed()
         elif not early.ended:

@@ -1,7 +1,5 @@
 """Recording and alerting rules for Prometheus, built from the catalogue. `docs/runbook.md` explains each alert."""
 
-import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -258,6 +256,14 @@ ALERTING_RULES = (
         "It was set aside, and a new one begun with what could be read. GET /healthz names the old file.",
     ),
     AlertingRule(
+        "DeconflictCertificateEnds",
+        f"{level('deconflict_certificate_expires_timestamp_seconds', ['key'], over='min')} - time() < 14 * 86400",
+        "1m",
+        "ticket",
+        "A certificate ends soon",
+        "A certificate of {{ $labels.key }} ends in {{ $value | humanizeDuration }}. Then connections are refused.",
+    ),
+    AlertingRule(
         "DeconflictSituationCritical",
         f"{level('deconflict_situations_open', where={'severity': 'critical'})} > 0",
         "2m",
@@ -323,27 +329,3 @@ ALERTING_RULES = (
         "among them are not reported. GET /advisories?kind=crowd names the vendor, the place and ten of the robots.",
     ),
 )
-
-
-def rules_file() -> str:
-    """The rules as a file for Prometheus. Strings are quoted as JSON, which is also valid YAML."""
-    return "\n".join(["# Written by `deconflict dashboards`.", "groups:", *_groups()]) + "\n"
-
-
-def _groups() -> Iterator[str]:
-    yield "  - name: deconflict-recorded"
-    yield "    rules:"
-    for rule in RECORDING_RULES:
-        yield f"      - record: {rule.name}"
-        yield f"        expr: {json.dumps(rule.query)}"
-    yield "  - name: deconflict-alerts"
-    yield "    rules:"
-    for alert in ALERTING_RULES:
-        yield f"      - alert: {alert.name}"
-        yield f"        expr: {json.dumps(alert.query)}"
-        yield f"        for: {alert.lasting}"
-        yield f"        labels: {{severity: {alert.severity}}}"
-        yield "        annotations:"
-        yield f"          summary: {json.dumps(alert.summary)}"
-        yield f"          description: {json.dumps(alert.description)}"
-        yield f"          runbook_url: {json.dumps(alert.section)}"

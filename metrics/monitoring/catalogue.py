@@ -263,6 +263,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "(store.advisories_bytes).",
     ),
     "deconflict_store_bytes": CatalogueEntry("gauge", (), "Size of the advisory database without its free pages."),
+    "deconflict_certificate_expires_timestamp_seconds": gauge(
+        "Unix time at which the first certificate of a file ends, by its key in the site file.", "key"
+    ),
     "deconflict_store_renewed": gauge(
         "1 if the database of advisories was damaged, set aside and begun anew since the operator face has started."
     ),

@@ -5,10 +5,11 @@ Every metric of the catalogue is in one of the dashboards. A metric that none of
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from metrics.monitoring.alert_rules import rules_file
+from metrics.monitoring.alert_rules import ALERTING_RULES, RECORDING_RULES
 from metrics.monitoring.catalogue import CATALOGUE
 from metrics.monitoring.catalogue_entry import CatalogueEntry
 from metrics.monitoring.health_page import ENGINE
@@ -67,3 +68,27 @@ def write(folder: Path) -> list[Path]:
         path.write_text(content, encoding="utf-8")
         written.append(path)
     return written
+
+
+def rules_file() -> str:
+    """The rules as a file for Prometheus. Strings are quoted as JSON, which is also valid YAML."""
+    return "\n".join(["# Written by `deconflict dashboards`.", "groups:", *_groups()]) + "\n"
+
+
+def _groups() -> Iterator[str]:
+    yield "  - name: deconflict-recorded"
+    yield "    rules:"
+    for rule in RECORDING_RULES:
+        yield f"      - record: {rule.name}"
+        yield f"        expr: {json.dumps(rule.query)}"
+    yield "  - name: deconflict-alerts"
+    yield "    rules:"
+    for alert in ALERTING_RULES:
+        yield f"      - alert: {alert.name}"
+        yield f"        expr: {json.dumps(alert.query)}"
+        yield f"        for: {alert.lasting}"
+        yield f"        labels: {{severity: {alert.severity}}}"
+        yield "        annotations:"
+        yield f"          summary: {json.dumps(alert.summary)}"
+        yield f"          description: {json.dumps(alert.description)}"
+        yield f"          runbook_url: {json.dumps(alert.section)}"

@@ -7,13 +7,13 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from math import inf
 
-import nats
+from nats.aio.client import Client
 from nats.aio.msg import Msg
 from nats.js import JetStreamContext, api
 from nats.js.errors import BadRequestError, KeyNotFoundError
 from nats.js.kv import KeyValue
 
-from deconflict.cluster.nats.nats_credentials import credentials
+from deconflict.cluster.nats.nats_credentials import certificates, credentials
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS, Subscription
 from deconflict.settings.cluster_settings import Cluster
 
@@ -39,7 +39,7 @@ class NatsConnection:
         """Number of reconnects. Messages in flight at a reconnect may be lost."""
         self.renewed_s = -inf
         """When the last reconnect was complete, monotonic time."""
-        self._credentials = credentials(settings)
+        self._credentials, self._certificates = credentials(settings), certificates(settings)
         self._subscriptions: list[Subscription] = []
         self._reconnected = asyncio.Event()
         self._renewing: asyncio.Task[None] | None = None
@@ -47,13 +47,15 @@ class NatsConnection:
         """When each warning was logged last."""
 
     async def connect(self) -> None:
-        self.client = await nats.connect(
+        self.client = Client()
+        await self.client.connect(
             list(self.settings.nats),
             max_reconnect_attempts=-1,
-            reconnect_time_wait=0.2,
             ping_interval=PING_S,
-            **self._credentials,
+            **{"reconnect_time_wait": RETRY_S} | self._credentials,
+            tls=self._certificates.context if self._certificates else None,
             error_cb=self._on_error,
+            disconnected_cb=self._renew_certificates,
             reconnected_cb=self._on_reconnect,
         )
         self.js: JetStreamContext = self.client.jetstream()
@@ -133,6 +135,13 @@ class NatsConnection:
     async def _on_error(self, error: Exception) -> None:
         """The client retries five times a second; `warn` limits the log."""
         self.warn(f"the NATS server: {error or type(error).__name__}")
+        await self._renew_certificates()
+
+    async def _renew_certificates(self) -> None:
+        """Use changed files for the next attempt. The client has no call for this; it asks its options each time."""
+        if self._certificates:
+            self._certificates.refresh()
+            self.client.options["tls"] = self._certificates.context
 
     async def _renew(self, restore: Callable[[], Awaitable[None]]) -> None:
         while True:

@@ -1,24 +1,28 @@
 """The credentials for the NATS servers, and the authority that this machine trusts."""
 
-import ssl
 from collections.abc import Callable
 from typing import Any
 
 from deconflict.settings.cluster_settings import Cluster
-from ingest.security.certificates import CertificateError
+from ingest.security.certificates import ClientCertificates
 from ingest.security.tokens import renewed, secret
 
 
 def credentials(settings: Cluster) -> dict[str, Any]:
-    """The credentials as arguments of the NATS client. Raises `SecretError` and `CertificateError`."""
+    """The credentials as arguments of the NATS client. Raises `SecretError`."""
     arguments: dict[str, Any] = {}
     if settings.token:
         arguments["token"] = _current_secret(settings.token)
     if settings.user:
         arguments |= {"user": settings.user, "password": _current_secret(settings.password)}
-    if settings.ca or settings.certificate:
-        arguments["tls"] = _context(settings.ca, settings.certificate)
     return arguments
+
+
+def certificates(settings: Cluster) -> ClientCertificates | None:
+    """The certificates for the servers; None for what this machine trusts. Raises `CertificateError`."""
+    if settings.ca or settings.certificate:
+        return ClientCertificates(settings.ca, settings.certificate)
+    return None
 
 
 def _current_secret(source: str) -> Callable[[], str]:
@@ -31,16 +35,3 @@ def _current_secret(source: str) -> Callable[[], str]:
         return known
 
     return current
-
-
-def _context(ca: str, certificate: str) -> ssl.SSLContext:
-    try:
-        context = ssl.create_default_context(cafile=ca or None)
-        if certificate:
-            context.load_cert_chain(certificate)
-    except (OSError, ssl.SSLError) as error:
-        files = ", ".join(filter(None, (ca, certificate)))
-        raise CertificateError(
-            f"{files}: {error}; expected PEM files of an authority, and of a certificate with its key"
-        ) from error
-    return context

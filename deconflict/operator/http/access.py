@@ -15,9 +15,10 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.port.connection_shares import site_of
-from ingest.security.certificates import Certificates
+from ingest.security.certificates import Certificates, client_context
 from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import host_of, is_fetched_elsewhere, is_fixed, is_loopback
 from ingest.security.tokens import Tokens, secret_of
@@ -61,6 +62,9 @@ def verify_credentials(site: Site) -> None:
     for tls in (site.receiver.tls, site.operator.tls):
         if tls:
             Certificates(tls)
+    for connection in (*site.mqtt_sources, site.mqtt, site.cluster):
+        if connection:
+            client_context(connection.ca, connection.certificate if isinstance(connection, Cluster) else "")
 
 
 class SignIn(NamedTuple):

@@ -7,7 +7,6 @@ which the broker sets by itself (last will).
 """
 
 import asyncio
-import ssl
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from typing import NamedTuple
@@ -22,6 +21,7 @@ from deconflict.runtime.until_either import until_either
 from deconflict.settings.outlet_settings import Mqtt
 from deconflict_client.advisory import ADVICE, EVERY_KIND, SITUATION, AdvisoryState
 from deconflict_client.situations import REVISION
+from ingest.security.certificates import CertificateError, client_context
 from ingest.security.tokens import renewed, secret
 
 TOPICS = {SITUATION: "situations", ADVICE: "advice"}
@@ -64,7 +64,7 @@ class MqttOutlet:
             before = self._cursor.seq
             try:
                 await self._run_connection()
-            except (MqttError, StoreError) as error:
+            except (MqttError, StoreError, OSError, CertificateError) as error:
                 if is_being_cancelled():
                     return
                 self._cursor.failed(str(error))
@@ -82,7 +82,7 @@ class MqttOutlet:
             settings.port,
             username=settings.user or None,
             password=self._password,
-            tls_context=ssl.create_default_context() if settings.tls else None,
+            tls_context=client_context(settings.ca) if settings.tls else None,
             will=Will(service, "offline", AT_LEAST_ONCE, retain=True),
         ) as client:
             await self._send(client, MqttMessage(service, "online", True))

@@ -23,6 +23,8 @@ class WebhookOutlet:
         """Raises `SecretError`."""
         self._settings, self._cursor = settings, cursor
         self._secret = secret(settings.secret)
+        self._is_to_connect_anew = False
+        """Whether a connection has failed since the client was made."""
 
     def refresh(self) -> None:
         """Read the secret again."""
@@ -31,19 +33,30 @@ class WebhookOutlet:
     async def run(self) -> None:
         """Send revisions until cancelled."""
         await self._cursor.begin()
-        async with httpx.AsyncClient(timeout=self._settings.timeout_s) as client:
+        self._client = self._new_client()
+        try:
             async for line in self._cursor.lines():
-                await self._deliver(client, line)
+                await self._deliver(line)
                 self._cursor.delivered(line)
+        finally:
+            await self._client.aclose()
 
-    async def _deliver(self, client: httpx.AsyncClient, line: PublishedLine) -> None:
+    def _new_client(self) -> httpx.AsyncClient:
+        return httpx.AsyncClient(timeout=self._settings.timeout_s)
+
+    async def _deliver(self, line: PublishedLine) -> None:
+        """Try until the receiver accepts it, after a failed connection with the authorities as their files are now."""
         wait_s, longest_s = self._settings.retry_s
-        while problem := await self._post(client, line):
+        while problem := await self._post(line):
             self._cursor.failed(problem)
             await asyncio.sleep(wait_s)
             wait_s = min(2 * wait_s, longest_s)
+            if self._is_to_connect_anew:
+                await self._client.aclose()
+                with suppress(OSError):  # the files are being written
+                    self._client, self._is_to_connect_anew = self._new_client(), False
 
-    async def _post(self, client: httpx.AsyncClient, line: PublishedLine) -> str:
+    async def _post(self, line: PublishedLine) -> str:
         """Why the request failed; empty if it succeeded. Leaves out the address, which may hold a secret."""
         body, subject = line.text.encode(), "advisory" if line.kind in ADVISORY_KINDS else line.kind
         try:
@@ -51,10 +64,11 @@ class WebhookOutlet:
             headers = {"content-type": "application/json", **signature}
             async with (
                 asyncio.timeout(self._settings.timeout_s),
-                client.stream("POST", self._settings.url, content=body, headers=headers) as answer,
+                self._client.stream("POST", self._settings.url, content=body, headers=headers) as answer,
             ):
                 await _read_some(answer)
         except (httpx.HTTPError, httpx.InvalidURL, TimeoutError, ValueError) as error:
+            self._is_to_connect_anew = isinstance(error, httpx.TransportError)
             return self._explained(error)
         return "" if answer.is_success else f"it answered {answer.status_code}"
 

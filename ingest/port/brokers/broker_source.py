@@ -6,7 +6,6 @@ counts as a connection of its own.
 
 import asyncio
 import logging
-import ssl
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from ingest.measures.outages import OutageLog
 from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
+from ingest.security.certificates import CertificateError, client_context
 from ingest.security.tokens import SecretError, secret
 
 MOST_TOPICS = 100_000
@@ -73,7 +73,7 @@ class BrokerSource:
             began_s = now_s()
             try:
                 await self._hear()
-            except (MqttError, OSError, SecretError) as error:
+            except (MqttError, OSError, SecretError, CertificateError) as error:
                 self._note_failure(error, was_steady=now_s() - began_s > STEADY_S)
             except Exception:
                 log.exception("hearing %s failed; connecting again", self.settings.name)
@@ -104,7 +104,7 @@ class BrokerSource:
             settings.port,
             username=settings.user or None,
             password=secret(settings.password) if settings.password else None,
-            tls_context=ssl.create_default_context(cafile=settings.ca or None) if settings.tls else None,
+            tls_context=client_context(settings.ca) if settings.tls else None,
             queue_type=cast(type[asyncio.Queue[Message]], self._new_delivery),
             keepalive=KEEPALIVE_S,
             timeout=TIMEOUT_S,

@@ -7,7 +7,6 @@ not touched by it.
 
 import asyncio
 import logging
-import ssl
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from aiomqtt import Client, Message, MqttError
 
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.port.brokers.mqtt_source import MqttSource
+from ingest.security.certificates import CertificateError, client_context
 from ingest.security.tokens import SecretError, secret
 
 SCAN_S, SCAN_EVERY_S = 5.0, 600.0
@@ -82,7 +82,7 @@ class TopicScan:
         while True:
             await asyncio.sleep(wait_s)
             wait_s = SCAN_EVERY_S
-            with suppress(MqttError, OSError, SecretError):
+            with suppress(MqttError, OSError, SecretError, CertificateError):
                 await self.scan()
 
     async def scan(self, seconds: float | None = None) -> None:
@@ -93,7 +93,7 @@ class TopicScan:
             settings.port,
             username=settings.user or None,
             password=secret(settings.password) if settings.password else None,
-            tls_context=ssl.create_default_context(cafile=settings.ca or None) if settings.tls else None,
+            tls_context=client_context(settings.ca) if settings.tls else None,
             max_queued_incoming_messages=MOST_MESSAGES,
             logger=_CLIENT_LOG,
         ) as client:

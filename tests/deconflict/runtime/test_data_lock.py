@@ -40,6 +40,27 @@ def test_what_is_written_is_for_user_and_group_only_and_a_stricter_umask_stays(t
         assert (data.stat().st_mode & 0o777, (data / "file").stat().st_mode & 0o777) == modes
 
 
+def test_files_of_an_earlier_release_get_the_rights_of_today(tmp_path: Path) -> None:
+    data, elsewhere = tmp_path / "data", tmp_path / "elsewhere"
+    for folder in (data, data / "log"):
+        folder.mkdir(mode=0o755)
+    files = {name: data / name for name in ("advisories.db", "owners.json", "log/1.jsonl", "of-others")}
+    for file in (*files.values(), elsewhere):
+        file.touch()
+        file.chmod(0o666)
+    (data / "log" / "link").symlink_to(elsewhere)
+    code = "import sys; from pathlib import Path; from deconflict.runtime.data_lock import create_data_directory\n"
+    subprocess.run([sys.executable, "-c", f"{code}create_data_directory(Path(sys.argv[1]))", str(data)], check=True)
+    assert [path.stat().st_mode & 0o777 for path in (data, data / "log")] == [0o755, 0o750]
+    assert {name: file.stat().st_mode & 0o777 for name, file in files.items()} == {
+        "advisories.db": 0o640,
+        "owners.json": 0o640,
+        "log/1.jsonl": 0o640,
+        "of-others": 0o666,
+    }
+    assert elsewhere.stat().st_mode & 0o777 == 0o666
+
+
 def test_a_data_directory_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()

@@ -1,10 +1,15 @@
 import asyncio
 import logging
-from contextlib import suppress
+import socket as sockets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from random import Random
+from typing import Any
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -192,3 +197,115 @@ async def test_a_connection_that_lasted_resets_the_back_off() -> None:
         dialled.dialer.failures = 7
         await dialled.until(2)
     assert dialled.dialer.failures == 0
+
+
+@asynccontextmanager
+async def redirecting(*locations: str, asked: list[Request] | None = None) -> AsyncIterator[int]:
+    """The port of a fleet manager that answers every handshake with a redirect."""
+
+    def redirect(_: ServerConnection, request: Request) -> Response:
+        if asked is not None:
+            asked.append(request)
+        return Response(302, "Found", Headers([("Location", location) for location in locations]), b"")
+
+    async def never(_: ServerConnection) -> None:
+        pytest.fail("nobody is let in here")
+
+    async with serve(never, "127.0.0.1", 0, process_request=redirect) as server:
+        yield port_of(server)
+
+
+@asynccontextmanager
+async def other_server(asked: list[Request], host: str = "127.0.0.1", port: int = 0) -> AsyncIterator[int]:
+    """The port of a server that has robots, too."""
+
+    async def hello(socket: ServerConnection) -> None:
+        assert socket.request is not None
+        asked.append(socket.request)
+        await socket.send("hello")
+        await socket.wait_closed()
+
+    async with serve(hello, host, port) as server:
+        yield port_of(server)
+
+
+async def until_failed(dialled: Dialled, failures: int = 3) -> None:
+    dialling = asyncio.create_task(dialled.dialer.run())
+    async with asyncio.timeout(PATIENCE_S):
+        while dialled.dialer.failures < failures and not dialling.done():
+            await asyncio.sleep(0.005)
+    assert not dialling.done(), "it goes on dialling"
+    dialling.cancel()
+
+
+async def test_a_redirect_to_another_host_is_not_followed_and_the_log_names_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    asked: list[Request] = []
+    async with other_server(asked) as elsewhere, redirecting(f"ws://localhost:{elsewhere}/robots") as port:
+        dialled = Dialled(f"ws://127.0.0.1:{port}")
+        await until_failed(dialled)
+    assert (asked, dialled.delivered) == ([], [])
+    assert f"redirects to another host, 'ws://localhost:{elsewhere}/robots'" in caplog.text
+
+
+async def test_a_redirect_to_the_same_host_is_followed_without_credentials_and_the_log_names_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    asked: list[Request] = []
+    async with other_server(asked) as elsewhere, redirecting(f"//127.0.0.1:{elsewhere}/a", asked=asked) as port:
+        dialled = Dialled(f"ws://someone:a-password-of-theirs@127.0.0.1:{port}")
+        await dialled.until(1)
+    assert ["Authorization" in request.headers for request in asked] == [True, False]
+    assert f"connected to Alder at ws://127.0.0.1:{port}, which redirects to 'ws://127.0.0.1:{elsewhere}/a'" in (
+        caplog.text
+    )
+    assert "a-password-of-theirs" not in caplog.text
+    assert "a-password-of-theirs" not in dialled.delivered[0][1].peer
+
+
+async def test_a_redirect_is_followed_at_the_network_address_that_was_dialled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The owner of a name can make it mean another machine between two connections."""
+    known, look_up, looked_up = iter(["127.0.0.1"]), sockets.getaddrinfo, []
+
+    def rebound(host: Any, *rest: Any, **named: Any) -> Any:
+        if host == "fleet.example":
+            looked_up.append(host)
+            return look_up(next(known, "127.0.0.2"), *rest, **named)
+        return look_up(host, *rest, **named)
+
+    monkeypatch.setattr(sockets, "getaddrinfo", rebound)
+    good: list[Request] = []
+    bad: list[Request] = []
+    async with (
+        other_server(good) as port,
+        other_server(bad, "127.0.0.2", port),
+        redirecting(f"//fleet.example:{port}/") as first,
+    ):
+        await Dialled(f"ws://fleet.example:{first}").until(1)
+    assert (len(good), bad) == (1, [])
+
+
+@pytest.mark.parametrize(
+    "locations",
+    [
+        ("http://127.0.0.1/",),
+        ("ws://[",),
+        ("ws://127.0.0.1:99999/",),
+        ("ws://127.0.0.1:9/#part",),
+        ("ws://a@127.0.0.1:9/",),
+        ("ws:///",),
+        ("/a", "/b"),
+        ("/again",),
+        ("x\u00e9://\u00ff",),
+    ],
+)
+async def test_a_redirect_that_leads_nowhere_is_told_in_a_sentence_and_dialling_goes_on(
+    locations: tuple[str, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    async with redirecting(*locations) as port:
+        await until_failed(Dialled(f"ws://127.0.0.1:{port}"))
+    [warning] = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert warning.getMessage().startswith(f"Alder at ws://127.0.0.1:{port} can't be reached: ")
+    assert warning.exc_info is None

@@ -4,6 +4,12 @@ from pathlib import Path
 
 import pytest
 import trustme
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidMessage, InvalidStatus
 
@@ -20,7 +26,9 @@ def site_tls(authority: trustme.CA, site_tls: Tls, tmp_path: Path) -> Tls:
     return site_tls.model_copy(update={"clients": str(tmp_path / "clients.pem")})
 
 
-async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA, site_tls: Tls) -> None:
+async def test_a_vendor_is_known_by_its_client_certificate(
+    authority: trustme.CA, site_tls: Tls, caplog: pytest.LogCaptureFixture
+) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
     async with floor(vendors, tls=site_tls) as served_floor:
         url = f"wss://127.0.0.1:{served_floor.receiver.port}"
@@ -33,15 +41,21 @@ async def test_a_vendor_is_known_by_its_client_certificate(authority: trustme.CA
                 await connect(url, ssl=trusting(authority, stranger))
             assert refused.value.response.status_code == 401
         assert served_floor.count("unauthorised") == 2
+        assert caplog.text.count("127.0.0.1 is refused, which is logged once: send the vendor's token") == 1
 
 
-async def test_a_certificate_of_a_foreign_authority_is_not_taken(authority: trustme.CA, site_tls: Tls) -> None:
+async def test_a_certificate_of_a_foreign_authority_is_not_taken(
+    authority: trustme.CA, site_tls: Tls, caplog: pytest.LogCaptureFixture
+) -> None:
     vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
     foreign = trusting(authority)
     trustme.CA().issue_cert(common_name="alder-fleet").configure_cert(foreign)
     async with floor(vendors, tls=site_tls) as served_floor:
-        with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
-            await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=foreign)
+        for _ in range(3):
+            with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
+                await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=foreign)
+        await until(lambda: served_floor.count("tls-failed") == 3)
+        assert caplog.text.count("127.0.0.1 is refused, which is logged once: the TLS handshake failed: ") == 1
         assert served_floor.connections == 0
 
 
@@ -69,3 +83,70 @@ def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     (tmp_path / "site.pem").write_text("no certificate")
     with pytest.raises(CertificateError, match=r"site\.pem"):
         Certificates(Tls(certificate=str(tmp_path / "site.pem")))
+    os.mkfifo(tmp_path / "pipe.pem")
+    with pytest.raises(CertificateError, match=r"pipe\.pem: is no file"):
+        Certificates(Tls(certificate=str(tmp_path / "pipe.pem")))
+    encrypted = trustme.CA().issue_cert("127.0.0.1")
+    key = load_pem_private_key(encrypted.private_key_pem.bytes(), None)
+    locked = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"its password"))
+    (tmp_path / "site.pem").write_bytes(locked + encrypted.cert_chain_pems[0].bytes())
+    with pytest.raises(CertificateError, match=r"site\.pem"):
+        Certificates(Tls(certificate=str(tmp_path / "site.pem")))
+
+
+@pytest.mark.parametrize("spoilt", ["key of the earlier", "no key", "no clients"])
+async def test_files_that_do_not_fit_together_change_nothing_until_they_do(
+    authority: trustme.CA, tmp_path: Path, spoilt: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A renewal writes one file after the other."""
+    files = {name: tmp_path / f"{name}.pem" for name in ("certificate", "key", "clients")}
+    certificates = new_certificates(authority, files)
+    async with floor(tls=Tls(**{name: str(file) for name, file in files.items()})) as served_floor:
+        url = f"wss://127.0.0.1:{served_floor.receiver.port}"
+        served_floor.receiver._certificates = certificates
+        served_floor.receiver._handshakes._certificates = certificates  # type: ignore[union-attr]
+        renewed = trustme.CA()
+        good = {name: file.read_bytes() for name, file in files.items()}
+        write_files(renewed, files)
+        late = {"key of the earlier": "key", "no key": "key", "no clients": "clients"}[spoilt]
+        after = files[late].read_bytes()
+        files[late].write_bytes(good["key"] if spoilt == "key of the earlier" else b"")
+        certificates.refresh()
+        assert "the earlier certificates stay in use" in caplog.text
+        await (await connect(url, ssl=trusting(authority))).close()
+        files[late].write_bytes(after)
+        certificates.refresh()
+        await (await connect(url, ssl=trusting(renewed))).close()
+
+
+async def test_an_authority_that_was_taken_out_is_not_trusted_after_the_files_are_read_again(
+    authority: trustme.CA, tmp_path: Path
+) -> None:
+    files = {name: tmp_path / f"{name}.pem" for name in ("certificate", "key", "clients")}
+    certificates, former = new_certificates(authority, files), trustme.CA()
+    former.cert_pem.write_to_path(str(files["clients"]), append=True)
+    certificates.refresh()
+    vendors = (Vendor(name="Alder", certificate_names=("alder-fleet",)),)
+    async with floor(vendors, tls=Tls(**{name: str(file) for name, file in files.items()})) as served_floor:
+        url = f"wss://127.0.0.1:{served_floor.receiver.port}"
+        served_floor.receiver._handshakes._certificates = certificates  # type: ignore[union-attr]
+        formers = trusting(authority)
+        former.issue_cert(common_name="alder-fleet").configure_cert(formers)
+        await (await connect(url, ssl=formers)).close()
+        authority.cert_pem.write_to_path(str(files["clients"]))
+        certificates.refresh()
+        with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
+            await connect(url, ssl=formers)
+        await (await connect(url, ssl=trusting(authority, "alder-fleet"))).close()
+
+
+def new_certificates(authority: trustme.CA, files: dict[str, Path]) -> Certificates:
+    write_files(authority, files)
+    return Certificates(Tls(**{name: str(file) for name, file in files.items()}))
+
+
+def write_files(authority: trustme.CA, files: dict[str, Path]) -> None:
+    issued = authority.issue_cert("127.0.0.1")
+    issued.cert_chain_pems[0].write_to_path(str(files["certificate"]))
+    issued.private_key_pem.write_to_path(str(files["key"]))
+    authority.cert_pem.write_to_path(str(files["clients"]))

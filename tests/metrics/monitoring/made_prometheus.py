@@ -12,7 +12,7 @@ import httpx
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
-from metrics.monitoring.alert_rules import rules_file
+from metrics.monitoring.dashboards import rules_file
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client

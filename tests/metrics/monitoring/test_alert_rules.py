@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from metrics.monitoring.alert_rules import ALERTING_RULES, OBJECTIVE_S, RECORDING_RULES, rules_file
+from metrics.monitoring.alert_rules import ALERTING_RULES, OBJECTIVE_S, RECORDING_RULES
+from metrics.monitoring.dashboards import rules_file
 
 RUNBOOK = (Path(__file__).parents[3] / "docs" / "runbook.md").read_text()
 
@@ -50,6 +51,7 @@ FOREIGN = 'deconflict_advisories_open{kind="foreign_claim",severity="warning"}'
 TWO_PLACES = 'deconflict_advisories_open{kind="two_places",severity="warning"}'
 CROWD = 'deconflict_advisories_open{kind="crowd",severity="warning"}'
 SITUATIONS = 'deconflict_situations_open{{kind="knot",severity="{}"}}'
+ENDS = 'deconflict_certificate_expires_timestamp_seconds{key="operator.tls.certificate"}'
 BROKER = 'deconflict_broker_connected{source="hall"}'
 ASIDE = 'deconflict_advisories_set_aside_total{reason="invalid"}'
 PRUNED = 'deconflict_advisories_pruned_total{{reason="{}"}}'
@@ -102,6 +104,8 @@ CASES = [
     Case("DeconflictCanaryLate", 10, None, {"deconflict_canary_latency_seconds": "0.3x5 4x10"}),
     Case("DeconflictNotRecorded", 10, {}, {"deconflict_recording_failing": "0x5 1x10"}),
     Case("DeconflictNotRecorded", 10, None, {"deconflict_recording_failing": "0x5 1 0x10"}),
+    Case("DeconflictCertificateEnds", 10, {"key": "operator.tls.certificate"}, {ENDS: "1000000x20"}),
+    Case("DeconflictCertificateEnds", 10, None, {ENDS: "2000000x20"}),
     Case("DeconflictStoreRenewed", 10, {}, {"deconflict_store_renewed": "0x5 1x10"}),
     Case("DeconflictStoreRenewed", 4, None, {"deconflict_store_renewed": "0x5 1x10"}),
     Case("DeconflictAdvisoriesPrunedForSize", 90, {}, {PRUNED.format("size"): "0x60 0+500x40"}),

@@ -12,6 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
 
+from deconflict.operator.http.access import COOKIE
 from ingest.port.connection_shares import ConnectionShares, Newcomers, site_of
 from ingest.security.tls_handshakes import TlsHandshakes
 
@@ -22,6 +23,9 @@ LEAST_READ_BYTES = 1 << 16
 """A client that reads less than this of a waiting answer in `WRITE_TIMEOUT_S` is ended."""
 SUBSCRIBER_BYTES, SUBSCRIBER_BYTES_PER_S = 8192, 256
 """What a subscriber may send at once, and then in a second. No message is expected."""
+BAD_REQUEST = b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+MOST_SESSION_COOKIES = 8
+"""Of one handshake; a browser keeps one for each path and domain."""
 MOST_HANDSHAKES = 100
 """TLS handshakes at once. Beyond that, the address with most loses its oldest."""
 
@@ -30,6 +34,12 @@ _BARE_LINE_FEED, _FOLDED_LINE = re.compile(rb"(?<!\r)\n"), re.compile(rb"\r\n[ \
 _LENGTH, _ENCODING = (
     re.compile(rb"\r\n" + name + rb"[ \t]*:", re.I) for name in (b"content-length", b"transfer-encoding")
 )
+
+
+def session_cookies(headers: list[tuple[bytes, bytes]]) -> list[bytes]:
+    """The pairs of the headers `Cookie` that have a session of this port. Browsers send those of others, too."""
+    pairs = (pair.strip() for name, value in headers if name == b"cookie" for pair in value.split(b";"))
+    return [pair for pair in pairs if pair.partition(b"=")[0].strip() == COOKIE.encode()][:MOST_SESSION_COOKIES]
 
 
 def is_ambiguous(data: bytes) -> bool:
@@ -106,6 +116,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         `socket.create_server` does not set. With Nagle's algorithm, messages arrive up to 40 ms late.
         """
         super().connection_made(transport)
+        self._handshake_timer = self.loop.call_later(IDLE_TIMEOUT_S, self._check_handshake)
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def data_received(self, data: bytes) -> None:
@@ -117,6 +128,20 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
         else:
             super().data_received(data)
+            if self.conn.handshake_exc is not None and not self.handshake_initiated:
+                self._refuse_handshake()
+
+    def _refuse_handshake(self) -> None:
+        """Answer a handshake that websockets can't read. uvicorn sends no answer, and waits."""
+        self.handshake_initiated = self.handshake_complete = True
+        self.transport.write(b"".join(self.conn.data_to_send()) or BAD_REQUEST)
+        self.transport.close()
+
+    def _check_handshake(self) -> None:
+        """End a handshake that nothing has answered, whatever the reason."""
+        if not self.handshake_complete:
+            count_refused(cast(FastAPI, self.config.app).state, "face-idle")
+            self.transport.abort()
 
     def _may_send(self, data_bytes: int) -> bool:
         now_s = self.loop.time()
@@ -125,6 +150,7 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         return self._allowed_bytes >= 0
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._handshake_timer.cancel()
         cast(FastAPI, self.config.app).state.places.remove(self.transport)
         super().connection_lost(exc)
 
@@ -181,7 +207,10 @@ class HttpProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def handle_websocket_upgrade(self, event: Request) -> None:
+        """Hand the handshake over, with no cookies but the session's: websockets takes lines up to 8 KiB only."""
         self._stop_timers()
+        others = [header for header in self.headers if header[0] != b"cookie"]
+        self.headers = [*others, *((b"cookie", session) for session in session_cookies(self.headers))]
         super().handle_websocket_upgrade(event)
 
     def handle_events(self) -> None:

@@ -16,6 +16,8 @@ from ingest.security.tls_handshakes import TlsHandshakes
 
 MOST_MESSAGE_BYTES = 4096
 """Largest message accepted from a subscriber; none is expected."""
+MOST_HEAD_BYTES = 1 << 16
+"""Largest head of a request that comes in pieces. A browser sends the cookies of all services of the host."""
 SHUTDOWN_S = 2
 HANDSHAKE_S = 5.0
 """A TLS handshake that takes longer is ended."""
@@ -62,6 +64,7 @@ def create_server(app: FastAPI, certificates: Certificates | None = None) -> Ope
             http=HttpProtocol,
             ws=WebSocketProtocol,
             backlog=ACCEPTED_AT_ONCE,
+            h11_max_incomplete_event_size=MOST_HEAD_BYTES,
             ws_max_size=MOST_MESSAGE_BYTES,
             ws_ping_timeout=None,
             ws_per_message_deflate=False,

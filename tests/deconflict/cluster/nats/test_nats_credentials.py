@@ -8,12 +8,13 @@ import pytest
 import trustme
 
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_credentials import credentials
+from deconflict.cluster.nats.nats_credentials import certificates, credentials
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site_file import SiteError, site_from_document
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from tests.deconflict.cluster.made_cluster import Broker, needs_server
+from tests.helpers.patience import PATIENCE_S
 
 SECRET, OTHER = "correct-horse-battery", "another-horse-battery"
 
@@ -69,12 +70,44 @@ async def test_a_member_signs_in_to_a_server_with_a_user_and_a_certificate(tmp_p
         broker.kill()
 
 
+@needs_server
+async def test_renewed_certificates_hold_with_the_next_connection_to_the_servers(tmp_path: Path) -> None:
+    files = {name: tmp_path / name for name in ("ca", "server", "key", "client")}
+    options = {"--tlscacert": "ca", "--tlscert": "server", "--tlskey": "key"}
+    write_all(trustme.CA(), files)
+    broker = Broker(
+        tmp_path / "nats", "--tlsverify", *(part for key, name in options.items() for part in (key, str(files[name])))
+    )
+    bus = Bus(Cluster(nats=(broker.address,), ca=str(files["ca"]), certificate=str(files["client"])), 1.0)
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            await bus.open()
+            broker.kill()
+            while bus.connection.is_connected():
+                await asyncio.sleep(0.01)
+            write_all(trustme.CA(), files)
+            broker.start()
+            while not bus.connection.is_connected():
+                await asyncio.sleep(0.01)
+    finally:
+        await bus.close()
+        broker.kill()
+
+
+def write_all(authority: trustme.CA, files: dict[str, Path]) -> None:
+    server, client = authority.issue_cert("127.0.0.1"), authority.issue_cert("engine")
+    authority.cert_pem.write_to_path(str(files["ca"]))
+    server.cert_chain_pems[0].write_to_path(str(files["server"]))
+    server.private_key_pem.write_to_path(str(files["key"]))
+    client.private_key_and_cert_chain_pem.write_to_path(str(files["client"]))
+
+
 def test_missing_credentials_are_named_before_anything_starts(tmp_path: Path) -> None:
     here = {"nats": ("nats://127.0.0.1",)}
     with pytest.raises(SecretError, match="NO_SUCH_TOKEN"):
         credentials(Cluster(**here, token="env:NO_SUCH_TOKEN"))
     with pytest.raises(CertificateError, match="no-such"):
-        credentials(Cluster(**here, ca=str(tmp_path / "no-such.pem")))
+        certificates(Cluster(**here, ca=str(tmp_path / "no-such.pem")))
     assert credentials(Cluster(**here)) == {}
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import shutil
 import socket
+import ssl
 import subprocess
 import threading
 from collections.abc import AsyncIterator, Coroutine, Iterator
@@ -55,7 +56,7 @@ class Hearer:
 
 
 @contextmanager
-def hearing(*answers: int) -> Iterator[Hearer]:
+def hearing(*answers: int, tls: ssl.SSLContext | None = None) -> Iterator[Hearer]:
     hearer = Hearer(list(answers))
 
     class Handler(BaseHTTPRequestHandler):
@@ -69,7 +70,9 @@ def hearing(*answers: int) -> Iterator[Hearer]:
             pass
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    hearer.url = f"http://127.0.0.1:{server.server_address[1]}/hook?key=abc"
+    if tls:
+        server.socket = tls.wrap_socket(server.socket, server_side=True)
+    hearer.url = f"http{'s' if tls else ''}://127.0.0.1:{server.server_address[1]}/hook?key=abc"
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     try:
@@ -81,11 +84,15 @@ def hearing(*answers: int) -> Iterator[Hearer]:
 
 
 @asynccontextmanager
-async def broker(port: int = 0) -> AsyncIterator[int]:
-    """A broker without any memory, and its port."""
+async def broker(port: int = 0, *, settings: Path | None = None) -> AsyncIterator[int]:
+    """A broker without any memory, and its port. `settings` is a file of its own, which has the port, too."""
     port = port or free_ports(1)[0]
     mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin") or ""
-    server = subprocess.Popen([mosquitto, "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    server = subprocess.Popen(
+        [mosquitto, *(("-c", str(settings)) if settings else ("-p", str(port)))],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     try:
         async with asyncio.timeout(PATIENCE_S):
             while not _open(port):

@@ -2,8 +2,11 @@
 
 import asyncio
 from contextlib import AbstractAsyncContextManager
+from getpass import getuser
 from pathlib import Path
 
+import pytest
+import trustme
 from aiomqtt import Client
 
 from deconflict.operator.outlets.mqtt import MqttOutlet, messages_of
@@ -18,6 +21,7 @@ from tests.deconflict.operator.outlets.made_outlets import broker, kept, needs_m
 from tests.deconflict.roles.made_service import free_ports
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
 from tests.helpers.patience import PATIENCE_S
+from tests.ingest.security.made_tls import write
 
 pytestmark = needs_mosquitto
 
@@ -42,6 +46,36 @@ async def test_the_broker_retains_open_advisories_and_forgets_cleared_ones(tmp_p
                 await publisher.publish([cleared(1, 3)])
                 await retained(port, {"service", "advisories/advisory-2"})
             assert (await retained(port, {"service", "advisories/advisory-2"}))["deconflict/service"] == "offline"
+
+
+# The client leaves the socket of a failed handshake to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+async def test_the_authority_of_the_broker_is_named_and_read_again_at_each_connect(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    config, authority = tmp_path / "mosquitto.conf", tmp_path / "ca.pem"
+    config.write_text(
+        f"listener {port} 127.0.0.1\nallow_anonymous true\nuser {getuser()}\n"
+        f"certfile {tmp_path}/site.pem\nkeyfile {tmp_path}/site.pem\n"
+    )
+    settings = Mqtt(host="127.0.0.1", port=port, tls=True, ca=str(authority), retry_s=(0.05, 0.2), kinds=("advisory",))
+    with kept(tmp_path) as (store, publisher):
+        outlet = MqttOutlet(settings, StoreCursor("mqtt", ("advisory",), store, publisher), store)
+        failures = publisher.measures.values["deconflict_outlet_failures_total"]
+        async with working(outlet.run(), publisher), asyncio.timeout(PATIENCE_S):
+            await publisher.publish([made(1)])
+            await until(lambda: failures["mqtt",] > 0)
+            for seq in (1, 2):
+                signs = trustme.CA()
+                write(signs, tmp_path)
+                signs.cert_pem.write_to_path(str(authority))
+                async with broker(port, settings=config):
+                    await until(lambda seq=seq: store.position("mqtt") == seq)
+                await publisher.publish([made(seq + 1)])
+            failed = failures["mqtt",]
+            trustme.CA().cert_pem.write_to_path(str(authority))
+            async with broker(port, settings=config):
+                await until(lambda: failures["mqtt",] > failed + 2)
+            assert store.position("mqtt") == 2
 
 
 async def test_revisions_missed_while_broker_or_service_was_down_are_sent_later(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 import asyncio
 import logging
+import ssl
 from contextlib import suppress
 from pathlib import Path
 
 import httpx
 import pytest
+import trustme
 
 from deconflict.operator.outlets.store_cursor import StoreCursor
 from deconflict.operator.outlets.webhook_signatures import verified
@@ -53,6 +55,24 @@ async def test_an_unusable_secret_is_counted_until_it_is_corrected(tmp_path: Pat
             await until(lambda: failures.get(("mes",), 0) > 1)
             path.write_text(SECRET)
             poster.refresh()
+            await until(lambda: numbers(other.heard) == [1])
+
+
+async def test_the_authorities_of_this_machine_are_read_again_after_a_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    authority, trusted = trustme.CA(), tmp_path / "trusted.pem"
+    trustme.CA().cert_pem.write_to_path(str(trusted))
+    monkeypatch.setenv("SSL_CERT_FILE", str(trusted))
+    tls = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    authority.issue_cert("127.0.0.1").configure_cert(tls)
+    with hearing(tls=tls) as other, kept(tmp_path) as (store, publisher):
+        failures = publisher.measures.values["deconflict_outlet_failures_total"]
+        async with posting(other.url, store, publisher, tmp_path):
+            await publisher.publish([made(1)])
+            await until(lambda: failures.get(("mes",), 0) > 1)
+            assert other.heard == []
+            authority.cert_pem.write_to_path(str(trusted))
             await until(lambda: numbers(other.heard) == [1])
 
 

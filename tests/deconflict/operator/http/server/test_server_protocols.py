@@ -10,6 +10,7 @@ import httpx
 import pytest
 import trustme
 from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidMessage, InvalidStatus
 
 from deconflict.operator.http.server.server_protocols import Places
 from deconflict.settings.site import Person
@@ -39,6 +40,71 @@ async def test_an_idle_connection_is_ended_and_a_subscriber_is_not(
         assert refused(face, "face-idle") == 5
         await face.publish(made(1))
         assert '"advisory-1"' in str(await following.recv())
+
+
+HANDSHAKE = (
+    "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("request_line", "headers", "status"),
+    [
+        ("GET /advisories/stream", f"X-Long: {'x' * 9000}\r\n", 431),
+        (f"GET /advisories/stream?{'x' * 9000}", "", 414),
+        ("GET /advisories/stream", "".join(f"X-{n}: 1\r\n" for n in range(200)), 431),
+        ("GET /advisories/stream", "Content-Length: 5\r\n", 400),
+        ("GET /advisories/stream", "Transfer-Encoding: chunked\r\n", 400),
+        ("POST /advisories/stream", "", 405),
+        ("GET /advisories/stream", f"X-Huge: {'x' * 60_000}\r\n", 431),
+        ("GET /advisories/stream", f"Cookie: {'; '.join(f'c{n}={n:090}' for n in range(300))}\r\n", 101),
+        ("GET /advisories/stream", "".join(f"Cookie: c{n}={n:090}\r\n" for n in range(150)), 101),
+    ],
+)
+async def test_every_handshake_is_answered(tmp_path: Path, request_line: str, headers: str, status: int) -> None:
+    async with served(tmp_path) as face:
+        host, port = face.address.split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(f"{request_line} HTTP/1.1\r\nHost: {face.address}\r\n{HANDSHAKE}{headers}\r\n".encode())
+        async with asyncio.timeout(10):
+            assert (await reader.readline()).split()[1] == str(status).encode()
+            if status != 101:
+                with suppress(ConnectionResetError):
+                    await reader.read()
+        writer.close()
+        await until(lambda: face.connections() == 0)
+
+
+async def test_a_handshake_that_nothing_answers_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.http.server.server_protocols.IDLE_TIMEOUT_S", 0.5)
+
+    async def never(*_: object) -> None:
+        await asyncio.Event().wait()
+
+    async with served(tmp_path) as face:
+        monkeypatch.setattr("deconflict.operator.http.access.AccessMiddleware.__call__", never)
+        with pytest.raises((InvalidMessage, ConnectionError)):
+            await connect(face.stream(), open_timeout=PATIENCE_S)
+        assert refused(face, "face-idle") == 1
+
+
+async def test_a_browser_with_many_cookies_keeps_its_session(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text("a token of the leader")
+    people = (Person(name="Kim", token=f"file:{tmp_path / 'token'}"),)
+    async with served(tmp_path, people=people) as face, http_client() as client:
+        answer = await client.post(f"{face.http}/login", data={"token": "a token of the leader"})
+        session = answer.cookies["deconflict_session"]
+        many = "; ".join(f"c{n}={n:090}" for n in range(200))
+        for n, cookies in enumerate(
+            (f"{many}; deconflict_session={session}; {many}", f"deconflict_session={session}"), 1
+        ):
+            async with connect(face.stream(), additional_headers={"Cookie": cookies}) as following:
+                assert (await client.get(f"{face.http}/advisories", headers={"Cookie": cookies})).status_code == 200
+                await face.publish(made(n))
+                assert f'"advisory-{n}"' in str(await following.recv())
+        with pytest.raises(InvalidStatus):
+            await connect(face.stream(), additional_headers={"Cookie": many})
 
 
 async def test_a_tls_handshake_that_hangs_is_ended_and_counts_as_a_connection(
