@@ -24,6 +24,7 @@ from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
 from deconflict.simulation.simulation_commands import add_simulation_commands
 from ingest.languages.visible_text import visible_lines
+from ingest.plain_files import UnfitFileError
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from metrics.commands import add_log_commands, files_of
@@ -214,6 +215,7 @@ def main() -> int:
         CertificateError,
         LogError,
         BoxError,
+        UnfitFileError,
     ) as error:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED
