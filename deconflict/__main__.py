@@ -12,6 +12,7 @@ from typing import Any
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
+from deconflict.roles.processes.backup_command import add_backup
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command
@@ -68,6 +69,7 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
     add_simulation_commands(commands, render)
     add_service_commands(commands)
+    add_backup(commands)
     _add_check(commands)
     _add_site(commands)
     add_log_commands(commands)
