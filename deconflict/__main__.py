@@ -12,6 +12,7 @@ from typing import Any
 
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
+from deconflict.roles.processes.backup_command import add_backup
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command
@@ -24,6 +25,7 @@ from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.site_check import check
 from deconflict.simulation.simulation_commands import add_simulation_commands
 from ingest.languages.visible_text import visible_lines
+from ingest.plain_files import UnfitFileError
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from metrics.commands import add_log_commands, files_of
@@ -67,6 +69,7 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(dest="command", required=True, metavar="COMMAND")
     add_simulation_commands(commands, render)
     add_service_commands(commands)
+    add_backup(commands)
     _add_check(commands)
     _add_site(commands)
     add_log_commands(commands)
@@ -214,6 +217,7 @@ def main() -> int:
         CertificateError,
         LogError,
         BoxError,
+        UnfitFileError,
     ) as error:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED

@@ -21,6 +21,7 @@ from deconflict.operator.blackbox.start_state import site_of
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
+from ingest.plain_files import read_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from ingest.recording.log_segments import packed_name, under_present_name
 from metrics.conformance.fields_command import add_fields
@@ -245,7 +246,7 @@ def _compared(a: Path, b: Path) -> str:
 def _result(path: Path) -> dict[str, Any]:
     """The result that an earlier replay wrote."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(read_file(path))
     except (OSError, *UNREADABLE) as error:
         raise LogError(f"{path} can't be read: {error}") from error
     if not isinstance(document, dict) or "scores" not in document:

@@ -23,7 +23,7 @@ LEVELS = {
     "": ["deconflict_client", "ingest", "deconflict", "metrics"],
     "deconflict_client": ["participant_kinds verbs", "advisory", "situations", "answers", "client"],
     "ingest": [
-        "batch clocks kernels settings shapes",
+        "batch clocks kernels plain_files settings shapes",
         "sizes",
         "frames languages measures security",
         "port",

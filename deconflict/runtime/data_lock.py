@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from ingest.recording.plain_files import opened
+from ingest.plain_files import opened
 
 OTHERS = 0o027
 """Rights that nobody gets: writing for the group, and all for others."""

@@ -73,5 +73,5 @@ def _without_unit(key: str) -> str:
 def _value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise SiteError([f"{name}: {text!r} is not a TOML value ({error}); texts need quotes"]) from error

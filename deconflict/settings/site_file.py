@@ -18,6 +18,7 @@ from deconflict.settings.map_checks import datum_problems, map_problems
 from deconflict.settings.outlet_settings import outlet_problems
 from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
+from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 from ingest.sizes.site_sizes import size_problems
 
@@ -41,7 +42,7 @@ def load(path: Path) -> Site:
     Does not check whether readings fit: see `fit_problems`.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_file(path, MOST_GIVEN_BYTES)
     except OSError as error:
         raise SiteError([f"{path} can't be read: {error}"]) from error
     return site_from_toml(raw, path)

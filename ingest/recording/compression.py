@@ -4,6 +4,7 @@ import gzip
 import io
 import os
 import re
+import zlib
 from contextlib import suppress
 from typing import IO, Any
 
@@ -13,7 +14,7 @@ _GZIP, _ZSTD, _SKIPPED = b"\x1f\x8b", zstandard.FRAME_HEADER, re.compile(rb"[\x5
 """How compressed logs begin. A zstd file may begin with a skippable frame."""
 _HEADER_BYTES = 18
 """The longest header of a zstd frame."""
-DAMAGED = (EOFError, zstandard.ZstdError)
+DAMAGED = (EOFError, zlib.error, zstandard.ZstdError)
 """The errors of a file that is damaged. One that is cut off may raise none: its last line is cut."""
 
 

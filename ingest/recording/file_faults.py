@@ -6,7 +6,7 @@ from contextlib import closing
 from enum import Enum
 from pathlib import Path
 
-from ingest.recording.plain_files import unfit, unfit_database
+from ingest.plain_files import unfit, unfit_database
 from ingest.recording.replaced_file import new_name
 
 LEAST_FREE_BYTES = 1 << 16

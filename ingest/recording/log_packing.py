@@ -16,8 +16,8 @@ from pathlib import Path
 
 import zstandard
 
+from ingest.plain_files import opened, with_advice
 from ingest.recording.log_segments import PACKED, packed_name
-from ingest.recording.plain_files import opened, with_advice
 from ingest.recording.replaced_file import replacing
 
 PLAIN_SEGMENTS = 2

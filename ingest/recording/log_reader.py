@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf, isfinite
+from math import inf
 from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any
@@ -125,7 +125,7 @@ class LogReader:
     @property
     def bytes_read(self) -> int:
         """How much was read, in bytes of the files as they are stored."""
-        return self._finished_bytes + (self._file.tell() if self._file else 0)
+        return self._finished_bytes + (self._file.tell() if self._file and self._file.seekable() else 0)
 
     def read(self, paths: Iterable[Path]) -> Iterator[Event]:
         """All events of the files, and of the logs in the directories, in the order given.
@@ -291,8 +291,8 @@ def _captured(line: str, document: dict[str, Any]) -> Received:
         raise ValueError(f"topic {topic[:100]!r} belongs to no language that is read")
     raw = payload.encode() if isinstance(payload, str) else _raw(line, document, _PAYLOAD, "payload")
     arrival_s = float(time) if isinstance(time, int | float) else _time(time)
-    if not isfinite(arrival_s):
-        raise ValueError(f"{time!r} is no time")
+    if not timestamps.plausible(arrival_s):
+        raise ValueError(f"{time!r} is no time from 1970 to 2099")
     return Received(raw, arrival_s, _connection(0, "capture", None, language, topic, proven=False))
 
 
@@ -333,4 +333,6 @@ def _time(text: object) -> float:
     stamp = timestamps.parse(text) if isinstance(text, str) else None
     if stamp is None:
         raise ValueError(f'{text!r} is no time, as "2026-11-22T10:00:00Z" is')
+    if not timestamps.plausible(stamp.t_s):
+        raise ValueError(f"{text!r} is no time from 1970 to 2099")
     return stamp.t_s

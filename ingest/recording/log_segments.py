@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
+from ingest.plain_files import opened_stream
 from ingest.recording.compression import DAMAGED, content_bytes, unpacked
 
 PACKED = ".zst"
@@ -47,7 +48,7 @@ def under_present_name(log: Path, use: Callable[[Path], _Found]) -> _Found:
 
 def opened_log(log: Path) -> io.BufferedReader:
     """A log as it is stored. Raises `OSError`."""
-    return io.BufferedReader(under_present_name(log, io.FileIO), BUFFER_BYTES)
+    return io.BufferedReader(under_present_name(log, opened_stream), BUFFER_BYTES)
 
 
 def text_bytes(log: Path) -> int:

@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from ingest.recording.plain_files import check_file
+from ingest.plain_files import check_file
 
 ASIDE = ".unreadable"
 

@@ -6,8 +6,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from ingest.plain_files import read_file
+
 LEAST_LENGTH = 16
 """A shorter token can be guessed."""
+MOST_BYTES = 1 << 16
+"""A longer file holds no secret."""
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +29,7 @@ def secret(source: str) -> str:
         value = os.environ[place]
     else:
         try:
-            value = Path(place).read_text(encoding="utf-8")
+            value = read_file(Path(place), MOST_BYTES).decode()
         except (OSError, UnicodeDecodeError) as error:
             raise SecretError(f"{source}: {type(error).__name__}; expected a readable file with the secret") from error
     value = value.strip()

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import zstandard
-
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
@@ -19,6 +17,7 @@ from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict_client.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory
 from ingest.languages import timestamps
 from ingest.languages.visible_text import visible, visible_lines
+from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import BlackBoxNote, LogReader, lines_of
 
 Line = dict[str, Any]
@@ -97,7 +96,7 @@ def verify(file: Path) -> Verification:
     head = _check_is_box(file)
     try:
         chain = verified(lines_of(file))
-    except (ChainBrokenError, EOFError, OSError, zstandard.ZstdError) as error:
+    except (ChainBrokenError, OSError, *DAMAGED) as error:
         raise BoxError(f"{file} was changed or cut off: {error}") from error
     _check_register(file, chain)
     site, replayed, reader, published = site_of(head), list[Line](), LogReader(), list[Line]()

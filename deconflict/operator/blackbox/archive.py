@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from deconflict.operator.blackbox.hash_chain import FIRST_HASH
-from ingest.recording.plain_files import read_file
+from ingest.plain_files import read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)

@@ -51,7 +51,7 @@ def verified(lines: Iterable[bytes]) -> HashChain:
         chain.head, chain.lines, last = sha256(line).hexdigest(), chain.lines + 1, line
     try:
         ended = json.loads(last)["end"]
-    except (ValueError, KeyError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise ChainBrokenError(f"the end is missing after line {chain.lines}") from None
     if ended != chain.lines - 1:
         raise ChainBrokenError(f"the last line counts {ended} lines and there are {chain.lines - 1}")

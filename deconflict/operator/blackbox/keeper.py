@@ -27,8 +27,8 @@ from deconflict.runtime.worker_process import WorkerError, run_in_process
 from deconflict.settings.site import Site
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
+from ingest.plain_files import check_file, read_file
 from ingest.recording.log_reader import ends_s
-from ingest.recording.plain_files import check_file, read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)

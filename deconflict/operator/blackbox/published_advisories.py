@@ -8,7 +8,7 @@ from deconflict.operator.store.pending_writes import PendingWrites, open_at_time
 from deconflict.operator.store.tables import between, open_at, read_only
 from deconflict_client.advisory import AnyAdvisory
 from deconflict_client.situations import advisories_of
-from ingest.recording.plain_files import check_database
+from ingest.plain_files import check_database
 
 
 class PublishedAdvisories(NamedTuple):

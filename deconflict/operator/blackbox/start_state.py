@@ -7,18 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import zstandard
-from pydantic import ValidationError
-
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.settings.site import Site
 from deconflict_client.advisory import ADVISORY, AnyAdvisory
+from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import lines_of
 
 FORMAT = 2
 OLDEST_FORMAT = 1
 """Of it, a box that begins while an engine runs lacks the time before."""
-_TORN = (OSError, EOFError, zstandard.ZstdError)
+_TORN = (OSError, *DAMAGED)
 
 
 class BoxError(ValueError):
@@ -46,7 +44,7 @@ def head_of(file: Path) -> dict[str, Any] | None:
     try:
         first = next(lines_of(file), b"") if file.is_file() else b""
         document = json.loads(first)
-    except (*_TORN, ValueError):
+    except (*_TORN, ValueError, RecursionError):
         return None
     if not isinstance(document, dict) or not isinstance(head := document.get("blackbox"), dict):
         return None
@@ -59,7 +57,7 @@ def site_of(head: Mapping[str, Any]) -> Site:
     """The site as it was, without secrets. Raises `BoxError`."""
     try:
         return Site.model_validate_json(json.dumps(head["site"]))
-    except (KeyError, ValidationError) as error:
+    except (KeyError, ValueError, RecursionError) as error:
         raise BoxError(f"this release can't read the site in the black box: {error}") from error
 
 

@@ -29,7 +29,7 @@ from deconflict.operator.ledger.loss_questions import (
 from deconflict.operator.store.pruning import used_bytes
 from deconflict.settings.site import LossSettings
 from deconflict_client.answers.loss_models import LossList
-from ingest.recording.plain_files import check_database
+from ingest.plain_files import check_database
 
 log = logging.getLogger(__name__)
 

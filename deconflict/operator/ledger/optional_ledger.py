@@ -14,7 +14,7 @@ from deconflict.operator.store.tables import UNWRITABLE
 from deconflict.settings.site import LossSettings
 from deconflict_client.answers.loss_models import LossList
 from ingest.measures.measures import Measures
-from ingest.recording.plain_files import with_advice
+from ingest.plain_files import with_advice
 
 log = logging.getLogger(__name__)
 

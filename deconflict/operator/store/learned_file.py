@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ingest.measures.measures import Measures
-from ingest.recording.plain_files import UnfitFileError, read_file, with_advice
+from ingest.plain_files import UnfitFileError, read_file, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 log = logging.getLogger(__name__)

@@ -17,7 +17,7 @@ from deconflict.operator.store.migrations import TABLES, UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
 from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
-from ingest.recording.plain_files import UnfitDatabaseError, check_database
+from ingest.plain_files import UnfitDatabaseError, check_database
 
 log = logging.getLogger(__name__)
 

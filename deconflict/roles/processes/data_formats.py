@@ -15,7 +15,7 @@ from deconflict.runtime import learned_state
 from deconflict.runtime.data_lock import DataDirectoryError
 from ingest.fleet.owners import owner_file, owner_register
 from ingest.fleet.recovery import kept_rows
-from ingest.recording.plain_files import check_database, opened, read_file
+from ingest.plain_files import check_database, opened, read_file
 
 HEADER = slice(0, 16)
 MAGIC = b"SQLite format 3\0"

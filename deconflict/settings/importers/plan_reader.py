@@ -13,6 +13,7 @@ from deconflict.settings.importers.openrmf import read_building
 from deconflict.settings.importers.opentcs import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
+from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 from ingest.settings import Section
 
 WIDTH_M = 1.2
@@ -30,7 +31,7 @@ def imported_toml(path: Path, width_m: float) -> str:
     """The plan in `path` as TOML. Raises `PlanError`."""
     try:
         plan = read_plan(path)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         if isinstance(error, PlanError):
             raise
         raise PlanError(f"{path}: does not have the structure of its format: {type(error).__name__} {error}") from error
@@ -40,11 +41,13 @@ def imported_toml(path: Path, width_m: float) -> str:
 def read_plan(path: Path) -> ImportedPlan:
     """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_file(path, MOST_GIVEN_BYTES).decode("utf-8-sig")
         if text.lstrip().startswith("<"):
             model = ElementTree.fromstring(text)  # noqa: S314 - a file of the site's own; expat bounds expansion
             return read_plant(model)
         document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+    except RecursionError as error:
+        raise PlanError(f"{path}: can't be read: it is nested too deeply") from error
     except (OSError, UnicodeDecodeError, ElementTree.ParseError, json.JSONDecodeError, yaml.YAMLError) as error:
         raise PlanError(f"{path}: can't be read: {error}") from error
     if not isinstance(document, dict) or "levels" not in document:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.measures.measures import Measures
-from ingest.recording.plain_files import read_file, with_advice
+from ingest.plain_files import read_file, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 FILE_NAME = "owners.json"

@@ -34,9 +34,9 @@ from ingest.fleet.recovery.kept_rows import (
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
+from ingest.plain_files import check_database, with_advice
 from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
-from ingest.recording.plain_files import check_database, with_advice
 from ingest.recording.replaced_file import ASIDE, set_file_aside
 
 WRITE_EVERY_S, RETRY_S = 1.0, 10.0

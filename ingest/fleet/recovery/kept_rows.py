@@ -10,7 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from ingest.languages.front_ends import FRONT_ENDS
-from ingest.recording.plain_files import check_database
+from ingest.plain_files import check_database
 
 FILE_NAME = "robots.db"
 FORMAT = 2

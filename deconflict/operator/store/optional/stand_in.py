@@ -18,7 +18,7 @@ from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict_client.advisory import ADVISORY_KINDS, EVERY_KIND, ClearedCode
 from deconflict_client.situations import AnyRevision
-from ingest.recording.plain_files import unfit_database
+from ingest.plain_files import unfit_database
 
 log = logging.getLogger(__name__)
 

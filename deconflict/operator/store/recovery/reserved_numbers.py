@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from deconflict.operator.store.pending_writes import MOST_PENDING
-from ingest.recording.plain_files import UnfitFileError, read_file
+from ingest.plain_files import UnfitFileError, read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)

@@ -25,8 +25,8 @@ from deconflict.settings.site import LossSettings, Site
 from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
+from ingest.plain_files import UnfitFileError
 from ingest.recording.log_reader import LogReader
-from ingest.recording.plain_files import UnfitFileError
 from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
 from tests.helpers.patience import PATIENCE_S
 from tests.ingest.fleet.made_fleet import fleet

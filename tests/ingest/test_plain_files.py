@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_files.faults import Fault, blocked, device, huge, pipe
-from ingest.recording.file_faults import FileKind, file_fault
-from ingest.recording.log_segments import segments
-from ingest.recording.plain_files import (
+from ingest.plain_files import (
     UnfitDatabaseError,
     UnfitFileError,
     check_database,
     opened,
     read_file,
 )
+from ingest.recording.file_faults import FileKind, file_fault
+from ingest.recording.log_segments import segments
 from ingest.recording.replaced_file import replace_file
 
 KINDS: list[tuple[Fault, str]] = [

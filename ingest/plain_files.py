@@ -1,8 +1,9 @@
-"""What is opened in a data directory: regular files only, and those read whole only up to a size.
+"""What is opened in a data directory, or is named to a command: regular files, read whole only up to a size.
 
 A pipe would make a role wait without end, a device or a huge file would fill its memory. Links are followed.
 """
 
+import io
 import os
 import sqlite3
 import stat
@@ -11,6 +12,8 @@ from typing import IO
 
 MOST_BYTES = 256 << 20
 """A file that is read whole is not larger."""
+MOST_GIVEN_BYTES = 16 << 20
+"""A site file, a plan or a result that a person names is not larger."""
 SIDE_FILES = ("-wal", "-shm", "-journal")
 """What SQLite has beside a database."""
 OTHER_KINDS = {
@@ -58,10 +61,22 @@ def opened(path: Path, flags: int = os.O_RDONLY, most_bytes: int | None = MOST_B
     return os.fdopen(descriptor, "rb" if flags == os.O_RDONLY else "r+b", buffering=0)
 
 
-def read_file(path: Path) -> bytes:
+def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """The content of a file. Raises `UnfitFileError` and other `OSError`."""
-    with opened(path) as file:
-        return file.read()
+    with opened(path, most_bytes=most_bytes) as file:
+        return file.read(most_bytes + 1)
+
+
+def opened_stream(path: Path) -> io.FileIO:
+    """A file, or a pipe with a writer, to be read once in pieces. A pipe without a writer is empty, and not waited for.
+
+    Raises `UnfitFileError` and other `OSError`.
+    """
+    if (reason := unfit(path, None)) and not path.is_fifo():
+        raise UnfitFileError(reason)
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    os.set_blocking(descriptor, True)
+    return io.FileIO(descriptor)
 
 
 def check_file(path: Path) -> None:

@@ -1,0 +1,121 @@
+"""The command `backup`: copies a data directory while its service runs. The copy is the data directory of a start."""
+
+import argparse
+import os
+import shutil
+import sqlite3
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from deconflict.operator.blackbox.archive import FOLDER as BOXES
+from deconflict.operator.ledger import loss_ledger
+from deconflict.operator.store import learned_file, sqlite_connections
+from deconflict.operator.store.recovery import reserved_numbers
+from deconflict.operator.store.tables import last_seq, read_only
+from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
+from ingest.fleet.owners import owner_file
+from ingest.fleet.recovery import kept_rows
+from ingest.plain_files import check_database, opened, unfit
+from ingest.recording.log_segments import packed_name, segments
+
+DATABASES = (sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME)
+WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME)
+"""Files that the service replaces as a whole."""
+LOG = "log"
+
+
+def add_backup(commands: Commands) -> None:
+    """Add the command to the command line."""
+    command = add_command(
+        commands,
+        "backup",
+        "copy a data directory while its service runs; a service that starts with the copy goes on from there",
+        "deconflict backup /var/lib/deconflict /backup/monday",
+        "deconflict serve SITE.toml --data /backup/monday      # to start with the copy",
+    )
+    command.add_argument("data", type=Path, metavar="DATA", help="the data directory")
+    command.add_argument("target", type=Path, metavar="TARGET", help="the copy, a directory that is not there yet")
+    command.set_defaults(run=_backup)
+
+
+def _backup(args: argparse.Namespace) -> int:
+    copied = backed_up(args.data, args.target)
+    sys.stdout.write(f"{args.target}: {copied} files\n")
+    return 0
+
+
+def backed_up(data: Path, target: Path) -> int:
+    """Copy a data directory. Returns the number of files. Raises `DataDirectoryError`; then there is no `target`."""
+    if not any((data / name).exists() for name in (*DATABASES, LOG)):
+        raise DataDirectoryError(f"{data} is no data directory of a service that has run; give that of serve --data")
+    if os.path.lexists(target):
+        raise DataDirectoryError(f"{target} is there already; name a directory that is not")
+    if target.resolve().is_relative_to(data.resolve()):
+        raise DataDirectoryError(f"{target} is in {data}; name a directory outside it")
+    unfinished = target.with_name(target.name + ".unfinished")
+    try:
+        shutil.rmtree(unfinished, ignore_errors=True)  # left by a kill
+        create_data_directory(unfinished)
+        copied = sum(_copies(data, unfinished))
+        unfinished.rename(target)
+    except (OSError, sqlite3.Error) as error:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise DataDirectoryError(f"{data} can't be copied to {target}: {error}") from error
+    return copied
+
+
+def _copies(data: Path, target: Path) -> Iterator[bool]:
+    """Copies one file after another. The log comes first: the database is not older than what it decided."""
+    for folder, files in ((LOG, segments(data / LOG)), (BOXES, sorted(_files(data / BOXES)))):
+        (target / folder).mkdir()
+        for file in files:
+            yield _copy(file, target / folder) or _copy(packed_name(file), target / folder)
+    for name in WHOLE:
+        yield _copy(data / name, target)
+    for name in DATABASES:
+        yield _copy_database(data / name, target / name)
+    _have_start_begin_an_epoch(data, target)
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (file for file in folder.iterdir() if file.is_file()) if folder.is_dir() else iter(())
+
+
+def _copy(file: Path, folder: Path) -> bool:
+    """Copy a file, if it is there still and is one."""
+    try:
+        if unfit(file, None):
+            return False
+        with opened(file, most_bytes=None) as source, (folder / file.name).open("xb") as copy:
+            shutil.copyfileobj(source, copy, 1 << 20)
+            copy.flush()
+            os.fsync(copy.fileno())
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _copy_database(path: Path, copy: Path) -> bool:
+    """A copy of one moment, whatever is written meanwhile. Writers do not wait."""
+    if not path.exists():
+        return False
+    check_database(path)
+    with read_only(path) as source, closing(sqlite3.connect(copy)) as target:
+        source.backup(target)
+    return True
+
+
+def _have_start_begin_an_epoch(data: Path, target: Path) -> None:
+    """The running service gives further numbers, which the copy does not hold: none of them may be given again."""
+    database = target / sqlite_connections.FILE_NAME
+    last = 0
+    if database.exists():
+        with read_only(database) as db:
+            last = last_seq(db)
+    _copy(data / reserved_numbers.FILE_NAME, target)
+    numbers = reserved_numbers.ReservedNumbers(target)
+    numbers.reserve(last)
+    numbers.note_unstored(has_unstored=True)

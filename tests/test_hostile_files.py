@@ -1,0 +1,96 @@
+"""Whatever file a command is given, it ends soon, without a traceback: with a sentence, and exit code 2 if unfit."""
+
+import contextlib
+import gzip
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from deconflict import __main__
+from deconflict.runtime.command_parsers import MISUSED
+
+DEEP = 200_000
+LONGEST_S = 20
+PACKED = gzip.compress(os.urandom(100_000))
+CAPTURED = b'{"time":%s,"topic":"uagv/v2/M/S/state","payload":{"headerId":1}}\n'
+CONTENTS = {
+    "deep_objects.jsonl": b'{"a":' * DEEP + b"1" + b"}" * DEEP,
+    "deep_lists.json": b"[" * DEEP,
+    "deep.yaml": b"[" * 20_000,
+    "deep.xml": b"<a>" * DEEP,
+    "deep.toml": b"a=" + b"[" * 20_000,
+    "late.jsonl": CAPTURED % b"1e308",
+    "early.jsonl": CAPTURED % b"-1e308",
+    "binary.jsonl": bytes(range(256)) * 20,
+    "empty.jsonl": b"",
+    "broken.jsonl.gz": PACKED[:50] + b"\xff" * 50 + PACKED[100:],
+    "cut.jsonl.gz": PACKED[:5000],
+    "broken.jsonl.zst": b"\x28\xb5\x2f\xfd" + b"\xfe" * 100,
+    "line.jsonl": b"x" * (20 << 20),
+    "box.jsonl": b'{"before":"' + b"0" * 64 + b'","blackbox":{"format":2,"site":1}}\n',
+}
+FILES = [*CONTENTS, "pipe.jsonl", "folder", "/dev/zero"]
+COMMANDS = [
+    ["check", "FILE"],
+    ["site", "import", "FILE"],
+    ["site", "suggest", "FILE"],
+    ["replay", "FILE", "--jobs", "1"],
+    ["replay", "--compare", "FILE", "FILE"],
+    ["conform", "FILE"],
+    ["conform", "FILE", "--site", "FILE"],
+    ["whatif", "--rate", "1.2", "FILE"],
+    ["blackbox", "verify", "FILE"],
+    ["blackbox", "list", "--data", "FILE"],
+    ["losses", "--data", "FILE"],
+    ["losses", "--site", "FILE"],
+    ["export", "--data", "FILE"],
+    ["senders", "http://127.0.0.1:9", "--token", "file:FILE"],
+    ["serve", "FILE"],
+    ["simulate", "FILE"],
+]
+HARMLESS = {("check", "empty.jsonl"), ("blackbox", "folder"), ("blackbox", "box.jsonl"), ("serve", "empty.jsonl")}
+"""An empty site file is a site, and an empty directory has no near misses. A broken box is a finding."""
+
+
+@pytest.fixture
+def hostile(tmp_path: Path) -> Path:
+    for name, content in CONTENTS.items():
+        (tmp_path / name).write_bytes(content)
+    os.mkfifo(tmp_path / "pipe.jsonl")
+    (tmp_path / "folder").mkdir()
+    return tmp_path
+
+
+@contextlib.contextmanager
+def ends_soon() -> Iterator[None]:
+    signal.alarm(LONGEST_S)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("file", FILES)
+def test_a_hostile_file_is_answered_with_a_sentence(
+    command: list[str],
+    file: str,
+    hostile: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if (command[0], file) in HARMLESS or (command[0] == "simulate" and file == "empty.jsonl"):
+        return
+    monkeypatch.chdir(hostile)
+    monkeypatch.setattr("sys.argv", ["deconflict", *(part.replace("FILE", file) for part in command)])
+    with ends_soon():
+        try:
+            code = __main__.main()
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    printed = capsys.readouterr()
+    assert (printed.out + printed.err).strip()
+    assert code == MISUSED or (code == 0 and command[:2] == ["site", "suggest"])  # without messages: no places
