@@ -284,8 +284,7 @@ class Receiver:
             return Refusal(403, "another-site", "pages of other sites may not speak for robots")
         encrypted = connection.transport.get_extra_info("ssl_object")
         certificate_names = names(encrypted.getpeercert()) if encrypted else ()
-        tokens = request.headers.get_all("Authorization")
-        token = tokens[0] if len(tokens) == 1 else None
+        token = tokens[0] if len(tokens := request.headers.get_all("Authorization")) == 1 else None
         return self._credentials.vendor(unquote(request.path), token, certificate_names)
 
     async def _converse(self, socket: ServerConnection) -> None:
