@@ -8,7 +8,7 @@ from deconflict.settings.site import DEFAULT, Site
 from metrics.report.drawings import figures
 from metrics.report.html_cells import Part, figure, maker, moment, number, share, table, terms
 from metrics.report.opening_sections import opening
-from metrics.report.place_sections import arrivals, contention, places
+from metrics.report.place_sections import arrivals, contention, losses, places
 from metrics.report.quality_sections import QUALITY, contact_alone, quality_cells
 from metrics.report.situation_section import situations
 from metrics.scoring.forecast_scores import BANDS
@@ -36,6 +36,8 @@ def page(result: Part, title: str, site: Site = DEFAULT, page_url: str = "") -> 
 
 
 def _sections(result: Part) -> Iterator[str]:
+    if result["losses"]["total"]["lost_s"]:
+        yield "<h2>What it cost</h2>" + losses(result["losses"], result["floors"])
     yield "<h2>Details</h2>"
     yield "<h3>Warnings by clearance</h3>" + _qualities(result["scores"])
     for score in result["scores"]:

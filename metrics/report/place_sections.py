@@ -1,8 +1,13 @@
-"""Sections of a replay's report about shared places: arrivals, contention, and forecasts for places."""
+"""Sections of a replay's report about places: what was lost there, arrivals, contention, and forecasts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from metrics.report.html_cells import Part, number, share, spread, sure, table
+from deconflict.operator.suggestions.suggestion import minutes
+from metrics.report.html_cells import Part, number, percent, share, spread, sure, table
+from metrics.report.replay_summary import money
+
+MOST = 10
+"""Rows of a table of losses."""
 
 
 def arrivals(rows: Sequence[Part]) -> str:
@@ -22,6 +27,25 @@ def arrivals(rows: Sequence[Part]) -> str:
         '<p class="note">If a robot never arrived, only announcements count whose time passed before its last report.'
         " It is late by at least the time between the two.</p>"
     )
+
+
+def losses(part: Part, floors: Mapping[str, str]) -> str:
+    """What was lost in each place, and by each vendor to another, the most first."""
+    where = [
+        [row["place"] or "elsewhere", floors.get(row["floor"], "-"), *_lost(row, part)]
+        for row in part["by_place"][:MOST]
+    ]
+    whose = [[row["vendor"], row["by"], *_lost(row, part)] for row in part["by_vendors"][:MOST]]
+    note = (
+        '<p class="note">As in the ledger of the service: <code>deconflict losses</code> has it by day, with what to'
+        " change; what people on foot lose counts, too.</p>"
+    )
+    places_table = table(("where", "floor", "lost", "of all", "cost"), where, 2)
+    return places_table + table(("whose robots", "lost to", "lost", "of all", "cost"), whose, 2) + note
+
+
+def _lost(row: Part, part: Part) -> tuple[str, str, str]:
+    return minutes(row["lost_s"]), percent(row["lost_s"] / part["total"]["lost_s"]), money(row, part["currency"])
 
 
 def _by_ahead(kinds: Sequence[Part]) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from deconflict.engine.place_names import PlaceNames
+from deconflict.operator.suggestions.suggestion import minutes
 from deconflict.settings.site import DEFAULT, Site
 from deconflict_client.participant_kinds import counted
 from ingest.batch import FloorPoint
@@ -37,7 +38,9 @@ def first_sentences(result: Part) -> str:
 
 
 def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
-    """Other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest moment."""
+    """What was lost, other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest
+    moment."""
+    yield from _lost(result)
     alerts = result["scores"][0]["warnings"]
     others = [f"{alerts[key]:,} {text}" for key, text in NOT_JUDGED.items() if alerts[key]]
     if others:
@@ -56,7 +59,24 @@ def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
         yield _nearest(result["nearest"][0])
 
 
+def _lost(result: Part) -> Iterator[str]:
+    losses = result["losses"]
+    total, priced = losses["total"], losses["total"]["cost"] is not None
+    if not total["losses"]:
+        return
+    cost = f", which costs {money(total, losses['currency'])}" if priced else ""
+    yield f"Robots and people lost {minutes(total['lost_s'])} to each other{cost}."
+    worst = next((row for row in losses["by_place"] if row["place"]), None)
+    if worst:
+        yield f"More than anywhere else in {worst['place']}: {minutes(worst['lost_s'])}."
+
+
+def money(row: Part, currency: str) -> str:
+    return "-" if row["cost"] is None else f"{row['cost']:.2f} {currency}".strip()
+
+
 def span(seconds: float) -> str:
+    """The length of a log."""
     return f"{seconds / 3600:.1f} hours" if seconds >= 7200 else f"{seconds / 60:.1f} minutes"
 
 

@@ -173,7 +173,7 @@ class AllPairOutcomes:
     def lasting_onsets_s(self, least_s: float) -> dict[Pair, list[float]]:
         """By pair, the onsets of its encounters, and of stops that last at least `least_s`."""
         onsets_s: dict[Pair, list[float]] = {}
-        for pair in self.pairs():
+        for pair in sorted(self.pairs()):
             events = self._interactions.by_pair.get(pair, ())
             stops = (event for event in events if event.outcome is InteractionOutcome.YIELDED)
             onsets_s[pair] = [event.onset_s for event in stops if event.end_s - event.onset_s >= least_s]

@@ -150,6 +150,11 @@ def html_figures(html: str) -> dict[str, Figure]:
     return {name: float(cell) for name, cell in zip(names, cells, strict=False)}
 
 
+def lost_in_html(html: str) -> Figure:
+    """By the sentence of the first page."""
+    return float(*findall(r"Robots and people lost (\d+) s to each other", html))
+
+
 def of_metric(grafana: dict[str, float], name: str, label: str = "") -> float:
     """The sum over all labels, of which one is this."""
     return sum(value for series, value in grafana.items() if series.split(" ")[0] == name and label in series)
@@ -182,6 +187,7 @@ def figures(surfaces: Surfaces) -> dict[str, dict[str, Figure]]:
         "lost, s": {
             "JSON": round(result["losses"]["total"]["lost_s"]),
             "page": round(surfaces.page[LOST]["total"]["lost_s"]),
+            "HTML": lost_in_html(surfaces.html),
             "export": surfaces.exported_lost_s,
             "Grafana": round(of_metric(grafana, "deconflict_lost_seconds_total")),
         },
