@@ -3,17 +3,35 @@
 export const SEVERITIES = ["critical", "warning", "caution"];
 export const SIGNS = { critical: "▲", warning: "◆", caution: "●" };
 export const SEVERITY = { critical: "Critical", warning: "Warning", caution: "Caution" };
+// Kinds of situations, whoever is in them.
 export const KINDS = {
-  meeting: "Two robots meet", head_on: "Head-on", knot: "Knot of robots", queue: "Queue", crowd: "Many robots at one point",
-  blocked_aisle: "Way blocked", obstacle: "Robot in the way", silent_robot: "Silent robot", deadlock: "Waiting for each other", identity: "Who is this robot?",
+  meeting: "Two meet", head_on: "Head-on", knot: "Knot", queue: "Queue", crowd: "Many at one point",
+  blocked_aisle: "Way blocked", obstacle: "In the way", silent_robot: "Silent", deadlock: "Waiting for each other", identity: "Who is this?",
 };
-// What a situation is, in the fewest words.
-export function title({ situation_kind: kind, participants = [] }) {
-  const others = new Set(participants.filter((each) => each !== "person")), isMixed = others.size > 0 && participants.includes("person");
-  if (kind !== "meeting" || !(isMixed || others.has("driven"))) return KINDS[kind];
-  if (!isMixed) return others.has("robot") ? "A robot meets a vehicle" : "Two vehicles meet";
-  return others.has("robot") ? "A robot meets a person" : "A vehicle meets a person";
+const ONE = new Map([["robot", "robot"], ["driven", "vehicle"], ["person", "person"]]), MANY = new Map([["robot", "robots"], ["driven", "vehicles"], ["person", "people"]]);
+// By kind, its title. `kinds` is what is in it, in the order of `ONE`, `culprit` what stands in the way.
+const TITLES = {
+  meeting: (kinds) => (kinds.length > 1 ? `A ${ONE.get(kinds[0])} meets a ${ONE.get(kinds.at(-1))}` : `Two ${MANY.get(kinds[0])} meet`),
+  head_on: (kinds) => (kinds.length > 1 ? `${kinds[0] === "driven" ? "Vehicle head-on" : "Head-on"} with a ${ONE.get(kinds.at(-1))}` : isOfRobots(kinds) ? "Head-on" : `Head-on of ${MANY.get(kinds[0])}`),
+  knot: (kinds) => `Knot of ${all(kinds)}`,
+  queue: (kinds) => (isOfRobots(kinds) ? "Queue" : `Queue of ${all(kinds)}`),
+  crowd: (kinds) => `Many ${all(kinds)} at one point`,
+  blocked_aisle: (kinds, culprit) => `Way blocked${culprit === "robot" ? "" : ` by a ${ONE.get(culprit)}`}${forPeople(kinds, culprit, " for people")}`,
+  obstacle: (kinds, culprit) => `${sentence(ONE.get(culprit))} in the way${forPeople(kinds, culprit, " of people")}`,
+  silent_robot: (kinds, culprit) => `Silent ${ONE.get(culprit)}${forPeople(kinds, culprit, " in the way of people")}`,
+  deadlock: (kinds) => (isOfRobots(kinds) ? "Waiting for each other" : `${sentence(all(kinds))} wait for each other`),
+  identity: (kinds) => `Who is this ${kinds.map((kind) => ONE.get(kind)).join(" or ")}?`,
+};
+// What a situation is, in the fewest words. People and vehicles with a driver are named, whatever its kind.
+export function title({ situation_kind: kind, participants = [], robots = [], culprit }) {
+  const kinds = [...ONE.keys()].filter((each) => participants.includes(each));
+  return TITLES[kind](kinds.length ? kinds : ["robot"], participants[robots.indexOf(culprit)] ?? "robot");
 }
+function isOfRobots(kinds) { return kinds.join() === "robot"; }
+function all(kinds) { return listed(kinds.map((kind) => MANY.get(kind))); }
+function forPeople(kinds, culprit, words) { return culprit !== "person" && kinds.includes("person") ? words : ""; }
+// Words as a list: "a, b and c".
+export function listed(words) { return [words.slice(0, -1).join(", "), ...words.slice(-1)].filter(Boolean).join(" and "); }
 export const ACTIONS = { wait: "wait", slow_down: "slow down", take_another_route: "another route", back_out: "back out", go_first: "go first", look: "look here" };
 // What a robot should do, in the fewest words: "wait 12 s", "back out to Lift 1".
 export function order({ action, seconds: forS, speed_mps: speed, where }) {

@@ -552,3 +552,51 @@ async def test_what_is_between_a_person_and_a_vehicle_comes_first_of_its_severit
     assert titles[1] == "A vehicle meets a person"
     assert (counted, nobody) == ("2 robots, 2 people, 1 driven vehicle", "0 robots")
     assert signs == ["Alder, robots: robot", "Alder, people: person", "Alder, driven vehicles: driven", "Basalt: robot"]
+
+
+async def test_titles_name_people_and_vehicles_whatever_the_kind(browser: "Browser", face: Served) -> None:
+    script = """async () => {
+        const { KINDS, title } = await import("/page/texts.js");
+        const titles = (...participants) => Object.keys(KINDS).map((kind) =>
+            title({ situation_kind: kind, participants, robots: ["a", "b", "c"], culprit: "a" }));
+        const mixes = [["robot", "person"], ["driven", "person"], ["person", "robot"], ["person", "person"]];
+        return [titles(), titles("driven", "robot"), titles("robot", "driven", "person"),
+            mixes.map((mix) => titles(...mix).filter((text) => !/person|people/i.test(text)))];
+    }"""
+    async with opened(browser, face) as page:
+        robots, vehicles, everybody, unnamed = await page.evaluate(script)
+    assert unnamed == [[], [], [], []]
+    assert robots == [
+        "Two robots meet",
+        "Head-on",
+        "Knot of robots",
+        "Queue",
+        "Many robots at one point",
+        "Way blocked",
+        "Robot in the way",
+        "Silent robot",
+        "Waiting for each other",
+        "Who is this robot?",
+    ]
+    assert vehicles[:2] == ["A robot meets a vehicle", "Head-on with a vehicle"]
+    assert vehicles[5:8] == ["Way blocked by a vehicle", "Vehicle in the way", "Silent vehicle"]
+    assert everybody[1:3] == ["Head-on with a person", "Knot of robots, vehicles and people"]
+    assert everybody[5:9] == [
+        "Way blocked for people",
+        "Robot in the way of people",
+        "Silent robot in the way of people",
+        "Robots, vehicles and people wait for each other",
+    ]
+
+
+async def test_the_shift_summary_counts_situations_with_people(browser: "Browser", face: Served) -> None:
+    mixed: dict[str, Any] = {"participants": ("robot", "person"), "severity": Severity.CRITICAL}
+    await face.publish(shown(1, 0, 1, **mixed), shown(2, 2, 3, participants=("robot", "robot")))
+    await face.publish(shown(3, 4, 5, participants=("driven", "person")))
+    async with opened(browser, face) as page:
+        await page.click("#shift-open")
+        line = (
+            "With people: 1 situation of robots and people, 1 of them critical at worst; "
+            "1 situation of driven vehicles and people, 0 of them critical at worst."
+        )
+        await until(page, f"document.getElementById('shift-body').textContent.includes({line!r})")

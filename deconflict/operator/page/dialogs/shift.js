@@ -41,7 +41,7 @@ export class Shift {
     const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”. `) + `Heard now: ${this.counted()}.`;
     $("shift-body").replaceChildren(
-      text("p", lead), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
+      text("p", lead), text("p", `With people: ${withPeople(situations)}.`), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
       table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts)),
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_code: code, cleared_because: because }) => [ENDED[code] ?? sentence(because)])),
       table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
@@ -85,6 +85,12 @@ function period(fromS, untilS) {
 function answers(situations) {
   const given = situations.filter(({ acknowledgement }) => acknowledgement).map((each) => ({ ...each.acknowledgement, summary: sentence(each.acknowledgement.summary || each.summary) }));
   return given.sort((a, b) => seconds(a.at) - seconds(b.at));
+}
+
+// How many situations are of robots and people, and of driven vehicles and people, and how many of them were critical at worst.
+function withPeople(situations) {
+  const found = [["robots", "robot"], ["driven vehicles", "driven"]].map(([words, kind]) => [words, situations.filter(({ participants = [] }) => participants.includes("person") && participants.includes(kind))]);
+  return found.map(([words, those]) => `${plural(those.length, "situation")} of ${words} and people, ${those.filter(({ severity }) => severity === "critical").length} of them critical at worst`).join("; ");
 }
 
 // By the kind that each had when it was raised, as the service counts them.

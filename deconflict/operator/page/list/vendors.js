@@ -1,6 +1,6 @@
 // Each vendor's colour and sign, and the table with the state of the vendors.
 
-import { NOUNS, plural, titled } from "../texts.js";
+import { NOUNS, listed, plural, titled } from "../texts.js";
 
 // Distinguishable with any of the common colour blindnesses (after Okabe and Ito), on light and on dark ground.
 const COLOURS = {
@@ -159,7 +159,7 @@ function changes(vendor) {
 function distrust({ distrusted: count }, names) {
   if (!count) return [];
   const parts = [...names.slice(0, NAMED), ...(count > NAMED ? [`${count - NAMED} more`] : [])];
-  const who = parts.length ? [parts.slice(0, -1).join(", "), parts.at(-1)].filter(Boolean).join(" and ") : plural(count, "robot");
+  const who = listed(parts) || plural(count, "robot");
   return [`${who} ${count === 1 ? "moves otherwise than it announces: warnings of it" : "move otherwise than they announce: warnings of them"} may be wrong`];
 }
 
