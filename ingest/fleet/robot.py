@@ -9,6 +9,7 @@ from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.pace import Pace
+from ingest.fleet.prediction.position_unit import UnitMoves
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown.odd_values import Oddities, OddValues
 from ingest.frames.frame_registry import Frame
@@ -70,6 +71,8 @@ class Robot:
     """Whether it could not move, by its newest status."""
     pace: Pace = field(default_factory=Pace)
     """How fast it was seen to drive and to turn."""
+    unit_moves: UnitMoves | None = None
+    """Its newest moves, if these show that its positions are in another unit."""
     frame: Frame | None = None
     """The frame in which it reported that sighting."""
     forecast: Forecast | None = None

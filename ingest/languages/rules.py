@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
+POSITION_IN_OTHER_UNIT = "position-in-other-unit"
 MOST_ODDITIES, MOST_LETTERS = 20, 60
 """Oddities of a message that are kept, and letters of each of their values."""
 _AS_JSON = json.JSONEncoder(ensure_ascii=False)
@@ -115,6 +116,16 @@ def size_rules(clause: str) -> tuple[Rule, ...]:
             clause,
             alone=False,
         ),
+    )
+
+
+def position_rule(clause: str) -> Rule:
+    """The rule of positions that are in another unit."""
+    return Rule(
+        POSITION_IN_OTHER_UNIT,
+        "Positions move 1000 or 100 times faster than the speed that is sent: millimetres or centimetres? Kept.",
+        clause,
+        alone=False,
     )
 
 
