@@ -61,6 +61,12 @@ class Robot:
     """When its newest message of any kind arrived."""
     came_s: float = nan
     """When its first one did, of those that this fleet knows: after a restart, of those that were kept."""
+    rejected: int = 0
+    """How many messages were rejected since its newest status."""
+    rejected_s: float = nan
+    """When the newest of them arrived."""
+    rejected_reason: str = ""
+    """What was wrong with it."""
     seen: Sighting | None = None
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
@@ -114,6 +120,13 @@ class Robot:
         """Take note of an accepted message of any kind."""
         self.heard_s = arrival_s
         self.odd_values.note(oddities, arrival_s)
+
+    def hear_rejected(self, reason: str, arrival_s: float) -> None:
+        """Take note of a rejected message."""
+        is_further = self.rejected_s >= self.arrival_s
+        self.rejected = self.rejected + 1 if is_further else 1
+        self.heard_s = self.rejected_s = arrival_s
+        self.rejected_reason = reason
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""
