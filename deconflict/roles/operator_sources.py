@@ -131,12 +131,15 @@ class OperatorSources:
         if receiver is not None:
             self._recording.note_measures(receiver, time.monotonic())
             brokers = await self._listed("brokers")
+        positions = positions_document(receiver or [])
+        if positions["robots"]:
+            positions = positions_document(receiver or [], await self._listed("senders"))
         parts = {
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "recording": self._recording.document(time.monotonic()),
             "admission": admission_document(receiver or []),
             "pairs": pairs_document(self._engine.measures),
-            "positions": positions_document(receiver or []),
+            "positions": positions,
             "brokers": brokers_document(brokers),
             "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
             "certificates": self.certificates.document(self.history.site, time.time()),

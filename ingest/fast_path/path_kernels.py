@@ -51,7 +51,6 @@ LIMITS = np.dtype(
         ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
         ("drives_mps", np.float64),  # `assumed_motion.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
-        ("robot_jump_m", np.float64),  # `ownership_claims.JUMP_M`
         ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`
         ("robot_jump_s", np.float64),  # `ownership_claims.JUMP_S`
         ("max_turn_radps", np.float64),  # `plausibility.MAX_TURN_RADPS`
@@ -146,10 +145,10 @@ def _by_velocity(here: Pose, speed_mps: float, turn_radps: float, gap_s: float, 
 @inner
 def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, limits: Limits) -> bool:
     """Whether the motion certainly needs no check: `plausibility.reconcile` would correct nothing and report no
-    deviation, and `ownership_claims` would see no jump."""
+    deviation, `ownership_claims` would see no jump, and `position_unit` no other unit."""
     gap_s, dx, dy = now[0] - before[0], now[1] - before[1], now[2] - before[2]
     moved2 = dx * dx + dy * dy
-    no_jump_m = limits.robot_jump_m + limits.robot_jump_mps * min(gap_s, limits.robot_jump_s)
+    no_jump_m = limits.robot_jump_mps * min(gap_s, limits.robot_jump_s)
     is_seen = 0.0 < gap_s <= limits.observable_s and moved2 < no_jump_m * no_jump_m * NEARLY
     is_stated = not (isnan(speed_mps) or isnan(now[3])) and abs(turn_radps) <= limits.max_turn_radps
     if not (is_seen and is_stated):

@@ -173,7 +173,6 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         TURNS_RADPS,
         DRIVES_MPS,
         plausibility.MOVED_M,
-        ownership_claims.JUMP_M,
         ownership_claims.JUMP_MPS,
         ownership_claims.JUMP_S,
         plausibility.MAX_TURN_RADPS,

@@ -258,7 +258,7 @@ class Fleet:
         """Count a rejected message and keep it in the quarantine. `vendor` replaces that of the connection."""
         vendor = vendor or connection.vendor or UNKNOWN
         if robot := self.robots.get(rejection.uuid or ""):
-            robot.heard_s = arrival_s
+            robot.hear_rejected(rejection.reason, arrival_s)
         self.measures.count("deconflict_messages_total", vendor, "rejected")
         self.measures.count("deconflict_rejections_total", vendor, rejection.rule)
         self.measures.count_each("deconflict_deviations_total", vendor, rejection.findings)

@@ -18,12 +18,13 @@ from ingest.fleet.prediction.forecast_model import (
     with_load,
 )
 from ingest.fleet.prediction.pace import PaceBook, Paces
+from ingest.fleet.prediction.position_unit import unit_moves
 from ingest.fleet.prediction.trailer_history import trailer_headings, with_trailers
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
 from ingest.languages.model import Rejection, Status
-from ingest.languages.rules import Oddity
+from ingest.languages.rules import POSITION_IN_OTHER_UNIT, Oddity
 from ingest.settings import Reading
 from ingest.sizes.model_sizes import ModelSizes
 from ingest.sizes.site_sizes import site_figures
@@ -132,7 +133,19 @@ class Placement:
             odd = Oddity("path-datum-unknown", "path", misspelling, reading, status.datum)
             robot.odd_values.note((odd,), robot.arrival_s)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
-        return (*findings, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
+        of_unit = self._unit_findings(robot, sighting, last)
+        return (*findings, *of_unit, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
+
+    def _unit_findings(self, robot: Robot, sighting: Sighting, last: Sighting | None) -> tuple[str, ...]:
+        """The deviation of positions in another unit, as a new sighting shows it."""
+        if last and sighting.t_s <= last.t_s:
+            return ()
+        max_speed_mps = robot.context.body.max_speed_mps if robot.context else None
+        robot.unit_moves = unit_moves(robot.unit_moves, last, sighting, max_speed_mps)
+        if not (robot.unit_moves and robot.unit_moves.shows_unit):
+            return ()
+        robot.odd_values.note((robot.unit_moves.oddity(robot.language),), robot.arrival_s)
+        return (POSITION_IN_OTHER_UNIT,)
 
     def judge_size(self, robot: Robot) -> set[str]:
         """Judge the size in the robot's identity anew. Returns the UUIDs of other robots that this may explain."""

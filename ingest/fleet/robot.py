@@ -9,6 +9,7 @@ from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.pace import Pace
+from ingest.fleet.prediction.position_unit import UnitMoves
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown.odd_values import Oddities, OddValues
 from ingest.frames.frame_registry import Frame
@@ -60,6 +61,12 @@ class Robot:
     """When its newest message of any kind arrived."""
     came_s: float = nan
     """When its first one did, of those that this fleet knows: after a restart, of those that were kept."""
+    rejected: int = 0
+    """How many messages were rejected since its newest status."""
+    rejected_s: float = nan
+    """When the newest of them arrived."""
+    rejected_reason: str = ""
+    """What was wrong with it."""
     seen: Sighting | None = None
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
@@ -70,6 +77,8 @@ class Robot:
     """Whether it could not move, by its newest status."""
     pace: Pace = field(default_factory=Pace)
     """How fast it was seen to drive and to turn."""
+    unit_moves: UnitMoves | None = None
+    """Its newest moves, if these show that its positions are in another unit."""
     frame: Frame | None = None
     """The frame in which it reported that sighting."""
     forecast: Forecast | None = None
@@ -111,6 +120,13 @@ class Robot:
         """Take note of an accepted message of any kind."""
         self.heard_s = arrival_s
         self.odd_values.note(oddities, arrival_s)
+
+    def hear_rejected(self, reason: str, arrival_s: float) -> None:
+        """Take note of a rejected message."""
+        is_further = self.rejected_s >= self.arrival_s
+        self.rejected = self.rejected + 1 if is_further else 1
+        self.heard_s = self.rejected_s = arrival_s
+        self.rejected_reason = reason
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""

@@ -1,6 +1,7 @@
 """A rule of a standard, and what reading a message against the rules finds. All languages share it."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import islice
@@ -8,8 +9,10 @@ from typing import NamedTuple
 
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
-MOST_ODDITIES, MOST_LETTERS = 20, 60
-"""Oddities of a message that are kept, and letters of each of their values."""
+POSITION_IN_OTHER_UNIT = "position-in-other-unit"
+MOST_ODDITIES, MOST_OF_LIST, MOST_LETTERS = 20, 3, 60
+"""Oddities of a message that are kept, those of items of one list, and letters of each of their values."""
+_IN_LIST = re.compile(r"\[\d+\]")
 _AS_JSON = json.JSONEncoder(ensure_ascii=False)
 
 
@@ -27,6 +30,11 @@ class Oddity(NamedTuple):
     nearest: str = ""
     """The key that was probably meant, if the standard does not have this one."""
 
+    @property
+    def anywhere(self) -> str:
+        """Its path without the number of a place in a list, as `path[*].timestamp`."""
+        return _IN_LIST.sub("[*]", self.path) if "[" in self.path else self.path
+
 
 class Findings(dict[str, None]):
     """Codes of the deviations of a message, each once, in the order in which they were found. The values are unused."""
@@ -34,13 +42,18 @@ class Findings(dict[str, None]):
     def __init__(self, codes: Iterable[str] = ()) -> None:
         super().__init__(dict.fromkeys(codes))
         self.oddities: list[Oddity] = []
-        """The values that deviate, as far as they are named; at most `MOST_ODDITIES`."""
+        """The values that deviate, as far as they are named; at most `MOST_ODDITIES`, and `MOST_OF_LIST` of a list."""
+        self._places: dict[tuple[str, str], int] = {}
 
     def note(self, rule: str, path: str, value: object, reading: str, nearest: str = "") -> None:
         """Add a deviation and the value that shows it."""
         self[rule] = None
         if len(self.oddities) < MOST_ODDITIES:
-            self.oddities.append(Oddity(rule, path[:MOST_LETTERS], _shown(value), reading[:MOST_LETTERS], nearest))
+            oddity = Oddity(rule, path[:MOST_LETTERS], "", reading[:MOST_LETTERS], nearest)
+            place = rule, oddity.anywhere
+            self._places[place] = self._places.get(place, 0) + 1
+            if self._places[place] <= MOST_OF_LIST:
+                self.oddities.append(oddity._replace(value=_shown(value)))
 
     def name(self, oddities: Iterable[Oddity]) -> None:
         """Add values that show deviations which were found before."""
@@ -115,6 +128,16 @@ def size_rules(clause: str) -> tuple[Rule, ...]:
             clause,
             alone=False,
         ),
+    )
+
+
+def position_rule(clause: str) -> Rule:
+    """The rule of positions that are in another unit."""
+    return Rule(
+        POSITION_IN_OTHER_UNIT,
+        "Positions move 1000 or 100 times faster than the speed that is sent: millimetres or centimetres? Kept.",
+        clause,
+        alone=False,
     )
 
 

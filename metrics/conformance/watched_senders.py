@@ -11,8 +11,8 @@ from ingest.languages.visible_text import visible
 from metrics.replay.conformance_counts import value_in_words
 
 Document = dict[str, Any]
-MOST_LINES = 20
-"""Of each part of a vendor."""
+MOST_LINES, MOST_VALUES = 20, 3
+"""Of a vendor, and values of a rejected message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +38,8 @@ class WatchedVendor:
     name: str
     standards: str
     messages: int
+    rejected: int
+    """How many of them."""
     heard: int
     """Robots of it that are heard."""
     kinds: str
@@ -69,7 +71,8 @@ def _lines(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: floa
     for vendor in vendors:
         speaks = f" ({vendor.standards})" if vendor.standards else ""
         robots = f"{vendor.kinds} heard, {vendor.placed} placed, {vendor.compared} compared"
-        yield f"{vendor.name}{speaks}: {vendor.messages} messages in {seconds:g} s; {robots}"
+        rejected = f", {vendor.rejected} rejected" if vendor.rejected else ""
+        yield f"{vendor.name}{speaks}: {vendor.messages} messages in {seconds:g} s{rejected}; {robots}"
         yield from (f"  {line}" for line in vendor.to_mend[:MOST_LINES])
         if (more := len(vendor.to_mend) - MOST_LINES) > 0:
             yield f"  and {more} more: GET /vendors and GET /robots have all"
@@ -84,7 +87,7 @@ def _vendor(name: str, before: Answers, after: Answers, seconds: float) -> Watch
     was, now = before.vendors.get(name, {}), after.vendors.get(name, {})
     messages = _more(was.get("messages", 0), now.get("messages", 0))
     heard = [robot for robot in after.robots if robot["vendor"] == name and robot["age_s"] <= max(seconds, 60.0)]
-    lines = [*_uncompared(now, heard), *_odd_values(was, now), *_rejections(name, was, now, after.rejected)]
+    lines = [*_rejections(name, was, now, after.rejected), *_uncompared(now, heard), *_odd_values(was, now)]
     if not messages:
         lines.append(
             f"no message of {name} has come in {seconds:g} s: is it connected? GET /healthz and docs/access.md"
@@ -93,6 +96,7 @@ def _vendor(name: str, before: Answers, after: Answers, seconds: float) -> Watch
         name,
         ", ".join(FRONT_ENDS[language].standard for language in now.get("languages", ()) if language in FRONT_ENDS),
         messages,
+        _risen(was, now, "rejections_by_rule").total(),
         len(heard),
         counted(robot.get("participant", "robot") for robot in heard),
         sum(robot["location"] is not None for robot in heard),
@@ -129,7 +133,7 @@ def _rejections(name: str, was: Document, now: Document, rejected: Sequence[Docu
         example = next(examples, None)
         reason = example["reason"] if example else _meaning(rule, now.get("languages", ()))
         yield f"{count} x rejected, {rule}: {reason}"
-        for odd in (example or {}).get("odd_values", ()):
+        for odd in (example or {}).get("odd_values", ())[:MOST_VALUES]:
             yield f"  {value_in_words(odd)}"
 
 

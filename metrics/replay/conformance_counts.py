@@ -30,7 +30,8 @@ def feed(fleet: Fleet, event: Received) -> None:
 
 
 def findings(measures: Measures) -> list[Vendor]:
-    """By vendor: messages accepted and rejected, and the count of each deviation and rejection, the largest first."""
+    """By vendor: messages accepted and rejected, and the count of each rule, those that
+    reject first, then the largest."""
     messages = measures.values.get("deconflict_messages_total", {})
     languages: dict[str, list[str]] = {}
     for vendor, language in sorted(measures.values.get("deconflict_robots_by_language", {})):
@@ -45,11 +46,14 @@ def findings(measures: Measures) -> list[Vendor]:
             "languages": languages.get(vendor, []),
             "accepted": int(messages.get((vendor, "accepted"), 0)),
             "rejected": int(messages.get((vendor, "rejected"), 0)),
-            "findings": [
-                _finding(rule, count, languages.get(vendor, []))
-                for rule, count in _most_first(broken.get(vendor, {}))
-                if count
-            ],
+            "findings": sorted(
+                (
+                    _finding(rule, count, languages.get(vendor, []))
+                    for rule, count in _most_first(broken.get(vendor, {}))
+                    if count
+                ),
+                key=lambda finding: not finding["rejects"],
+            ),
         }
         for vendor in sorted({vendor for vendor, _ in messages} | broken.keys())
         if any(messages.get((vendor, outcome)) for outcome in ("accepted", "rejected"))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ingest.fleet.fleet_report import NOT_COMPARED
-from ingest.fleet.owners.comparability import REMEDIES, TOO_MANY_MAPS
+from ingest.fleet.owners.comparability import NOT_READ, REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import joined_values
 from ingest.settings import UNKNOWN
 
@@ -16,8 +16,9 @@ NOBODY_HEARS = "no ingest is connected to this broker; if this lasts for longer 
 WHERE = "GET /robots says of each robot why it is not compared (not_compared_reason)"
 
 
-def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The part `positions` of the health. `documents` are the measures of all receivers."""
+def positions_document(documents: Sequence[dict[str, Any]], senders: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+    """The part `positions` of the health. `documents` are the measures of all receivers, `senders` what vendors should
+    mend (`fleet_report.senders`), from which messages that are rejected have an example."""
     values = joined_values(documents)
     robots = {
         (vendor, fault): int(count)
@@ -25,7 +26,7 @@ def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
         if count and fault not in INVENTED
     }
     reasons = [
-        f"{count} of {vendor} ({fault}): {REMEDIES.get(fault, 'see the robot')}"
+        f"{count} of {vendor} ({fault}): {REMEDIES.get(fault, 'see the robot')}{_example(vendor, fault, senders)}"
         for (vendor, fault), count in sorted(robots.items())[:MOST_NAMED]
     ]
     if reasons:
@@ -41,6 +42,13 @@ def positions_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
         reasons.append(f"all messages of {named} are rejected: GET /quarantine says why, and what to change")
     document: dict[str, Any] = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
     return document | {"robots": sum(robots.values())}
+
+
+def _example(vendor: str, fault: str, senders: Sequence[dict[str, Any]]) -> str:
+    """Why the messages of one of these robots are rejected, as text to append."""
+    rows = (row for sender in senders if sender["vendor"] == vendor for row in sender["not_compared"])
+    row = next((row for row in rows if row["fault"] == fault == NOT_READ), None)
+    return f" ({row['name']}: {row['reason']})" if row else ""
 
 
 def brokers_document(brokers: Sequence[dict[str, Any]]) -> dict[str, Any]:

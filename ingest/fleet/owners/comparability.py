@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ingest.fleet.owners.admission import REMEDY
 from ingest.fleet.robot import Robot
+from ingest.fleet.shown.quarantine import SEVERAL
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
 from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.rules import MOST_LETTERS, Oddity
@@ -41,7 +42,7 @@ NOT_READ, NO_POSITION, POSITION_STOPPED, NO_MAP, MAP_UNKNOWN, TOO_MANY_MAPS = (
     "too many maps",
 )
 REMEDIES = {
-    NOT_READ: "all its messages are rejected: GET /quarantine says why, and what to change",
+    NOT_READ: "its messages are rejected: GET /quarantine says why, and what to change",
     NO_POSITION: "let it send its position",
     POSITION_STOPPED: "let it send its position again",
     NO_MAP: 'let it name its map, or give its vendor a map with datum = "" in the site file',
@@ -68,6 +69,9 @@ def not_compared(
     `site_floors` are those of the site file. `is_alone` is whether no other robot is on the floor of a robot.
     """
     is_heard = now_s - robot.heard_s <= reading.silent_after_s
+    is_without = not (robot.seen and robot.frame) or robot.heard_s - robot.arrival_s > reading.silent_after_s
+    if is_heard and is_without and robot.rejected >= SEVERAL and robot.rejected_s >= robot.arrival_s:
+        return NotCompared(NOT_READ, f"{robot.rejected} messages rejected, the last: {robot.rejected_reason}")
     if not (robot.seen and robot.frame):
         return _without_position(robot, now_s, is_heard)
     if is_heard and robot.heard_s - robot.arrival_s > reading.silent_after_s:

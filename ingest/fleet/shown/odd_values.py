@@ -45,9 +45,9 @@ class OddValues:
         """Count the values of one message that deviate, each place once."""
         if not oddities:
             return
-        for place, oddity in {(oddity.rule, oddity.path): oddity for oddity in oddities}.items():
+        for place, oddity in {(oddity.rule, oddity.anywhere): oddity for oddity in oddities}.items():
             known = self._by_place.pop(place, None)
-            self._by_place[place] = OddValue(oddity, known.count + 1 if known else 1, arrival_s)
+            self._by_place[place] = OddValue(oddity._replace(path=place[1]), known.count + 1 if known else 1, arrival_s)
             if len(self._by_place) > MOST_KEPT:
                 del self._by_place[next(iter(self._by_place))]
 

@@ -7,7 +7,8 @@ duplicate keys the last one holds.
 
 import json
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, reduce
+from operator import getitem
 from typing import Any
 
 from pydantic import ValidationError
@@ -16,6 +17,7 @@ from ingest.languages.massrobotics import fast_decoder, repair
 from ingest.languages.massrobotics.json_objects import Report, value_type
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.spelling import nearest
 from ingest.languages.tolerance.tolerant_json import parsed
 
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
@@ -97,9 +99,24 @@ def _repaired_report(raw: bytes, findings: Findings) -> IdentityReport | StatusR
     if any(misfit["type"] == "finite_number" for misfit in errors):
         reason = "a required number is NaN, infinite or too large; leave out what is not known"
         raise RejectedError("number-not-finite", reason, repaired.get("uuid"))
-    reasons = (f"{'.'.join(map(str, misfit['loc']))[:60]}: {_plain(misfit)}" for misfit in errors[:2])
+    reasons = [_reason(misfit, repaired, findings) for misfit in errors[:2]]
     rule = "key-missing" if errors[0]["type"] == "missing" else "type-wrong"
     raise RejectedError(rule, "; ".join(reasons), repaired.get("uuid"))
+
+
+def _reason(misfit: Mapping[str, Any], sent: dict[str, Any], findings: Findings) -> str:
+    """What is wrong with a value, and if it is missing, the key that was probably meant for it."""
+    *parents, key = misfit["loc"]
+    wrong = f"{'.'.join(map(str, misfit['loc']))[:60]}: {_plain(misfit)}"
+    if misfit["type"] != "missing":
+        return wrong
+    part: Any = reduce(getitem, parents, sent)
+    found = next((other for other in part if nearest(other, frozenset((key,)))), None)
+    if found is None:
+        return wrong
+    path = ".".join(map(str, [*parents, found]))
+    findings.note("key-unknown", path, part[found], "not used", key)
+    return f"{wrong}; {path[:60]}: did you mean {key}?"
 
 
 def _plain(misfit: Mapping[str, Any]) -> str:

@@ -81,6 +81,22 @@ def test_a_rejection_has_the_reason_and_the_values_of_a_kept_message() -> None:
     )
 
 
+def test_rejected_messages_come_first_and_are_counted_in_the_first_line() -> None:
+    values = [odd(1, path=f"key{number}") for number in range(25)]
+    row = {"uuid": robot("A-1"), "name": "A-1", "reason": "it waits", "fault": "not read", "placed": False}
+    named = [{**ODD, "path": f"path[{number}].x"} for number in range(9)]
+    kept = [{"vendor": "Alder", "rule": "key-missing", "reason": "send x", "odd_values": named}]
+    counts = {"key-missing": 5, "not-json": 2}
+    now = {"messages": 60, "rejections_by_rule": counts, "odd_values": values, "not_compared": [row]}
+    text = page(watched(answers([], Alder={}), answers([], kept, Alder=now), 60.0), [], 60.0)
+    lines = text.splitlines()
+    assert lines[0] == "Alder: 60 messages in 60 s, 7 rejected; 0 robots heard, 0 placed, 0 compared"
+    assert lines[1] == "  5 x rejected, key-missing: send x"
+    assert lines[5].startswith("  2 x rejected, not-json: ")
+    assert lines[6] == "  A-1 is compared with nobody: it waits"
+    assert lines[7].startswith("  1 x number-as-text: key0")
+
+
 def test_robots_that_are_compared_with_nobody_are_listed_unless_they_have_only_begun() -> None:
     robots = [
         robot_of("Alder", "A-1", compared=False, not_compared_reason="no position", location=None),

@@ -38,6 +38,9 @@ def test_departures_are_counted_by_vendor_with_what_they_mean(tmp_path: Path) ->
     counts = {finding["rule"]: finding["count"] for vendor in (known, unknown) for finding in vendor["findings"]}
     assert (result["messages"], result["unreadable_lines"]) == (5, 1)
     assert [(row["accepted"], row["rejected"]) for row in (known, unknown)] == [(3, 1), (0, 1)]
+    ranks = [(finding["rejects"], finding["count"]) for finding in known["findings"]]
+    assert ranks == sorted(ranks, reverse=True)
+    assert ranks[0][0], "what was rejected comes first"
     assert counts["status-too-frequent"] == counts["message-too-large"] == 1
     assert "More than one status a second" in page(result)
     examples = {finding["rule"]: finding["example"] for finding in known["findings"]}

@@ -65,6 +65,16 @@ def test_health_says_what_to_do_about_each_fault(fault: str) -> None:
     assert f"3 of Alder ({fault}): {REMEDIES[fault]}" in document["reason"]
 
 
+def test_health_says_why_messages_of_a_robot_are_rejected() -> None:
+    of = fleet()
+    of.receive(identity("A-1", NOW_S), NOW_S, LINE)
+    for second in range(3):
+        of.receive(status("A-1", NOW_S + second, location=None), NOW_S + second, LINE)
+    document = positions_document(measured(of, NOW_S + 3), fleet_report.senders(of, NOW_S + 3))
+    assert "1 of Alder (not read): its messages are rejected" in document["reason"]
+    assert "(Alder A-1: 3 messages rejected, the last: location: is missing)" in document["reason"]
+
+
 @pytest.mark.parametrize(
     ("vendor", "accepted", "per_s", "status_expected"),
     [("Alder", 0, 2.0, "degraded"), ("Alder", 1, 2.0, "ok"), ("Alder", 0, 0.0, "ok"), (UNKNOWN, 0, 2.0, "ok")],

@@ -77,8 +77,28 @@ def test_a_robot_whose_statuses_are_all_rejected_is_a_fault_although_its_identit
     of = fleet()
     of.receive(identity("A-1", NOW_S), NOW_S, LINE)
     for second in range(40):
-        assert of.receive(status("A-1", NOW_S + second, location="here"), NOW_S + second, LINE)
-    assert measured(of, NOW_S + 40) == {("Alder", "no position"): 1.0}
+        assert of.receive(status("A-1", NOW_S + second, location=None), NOW_S + second, LINE)
+    assert measured(of, NOW_S + 40) == {("Alder", "not read"): 1.0}
+    why = "40 messages rejected, the last: location: is missing"
+    assert document(of, "A-1", NOW_S + 40)["not_compared_reason"] == why
+    (vendor,) = fleet_report.senders(of, NOW_S + 40)
+    assert [(row["reason"], row["fault"]) for row in vendor["not_compared"]] == [(why, "not read")]
+
+
+def test_a_robot_whose_statuses_are_rejected_from_some_time_on_says_why_until_one_is_read() -> None:
+    of = fleet()
+    for second in range(100):
+        where: dict[str, Any] = {} if second < 3 else {"location": None}
+        of.receive(status("A-1", NOW_S + second, **where), NOW_S + second, LINE)
+        if second < 30:
+            assert measured(of, NOW_S + second) == {}
+    why = "97 messages rejected, the last: location: is missing"
+    assert document(of, "A-1", NOW_S + 100)["not_compared_reason"] == why
+    of.receive(status("A-1", NOW_S + 101), NOW_S + 101, LINE)
+    assert document(of, "A-1", NOW_S + 101)["compared"] is True
+    for second in range(102, 104):
+        of.receive(status("A-1", NOW_S + second, location=None), NOW_S + second, LINE)
+    assert (of.robots[robot("A-1")].rejected, document(of, "A-1", NOW_S + 103)["compared"]) == (2, True)
 
 
 def test_a_robot_with_a_position_is_compared_also_if_it_is_alone() -> None:

@@ -1,7 +1,7 @@
 """The values of a robot's messages that deviate, for people."""
 
 from ingest.fleet.shown.odd_values import MOST_KEPT, MOST_OF_VENDOR, OddValues, by_vendor
-from ingest.languages.rules import Oddity
+from ingest.languages.rules import Findings, Oddity
 
 MAP = Oddity("number-as-text", "agvPosition.mapId", "3", 'read as "3"')
 KEY = Oddity("key-unknown", "location.planarDatm", '"hall"', "not read", "planarDatum")
@@ -23,6 +23,21 @@ def test_values_are_counted_by_rule_and_path_and_the_newest_is_shown() -> None:
         },
         {**KEY._asdict(), "count": 1, "last_received": "2026-09-21T14:13:20.000000Z"},
     ]
+
+
+def test_places_in_a_list_are_one_row_counted_by_message() -> None:
+    values = OddValues()
+    for _ in range(3):
+        values.note(tuple(MAP._replace(path=f"path[{row}].timestamp") for row in range(6)), 1.0)
+    assert [(value.newest.path, value.count) for value in values.newest_first()] == [("path[*].timestamp", 3)]
+
+
+def test_a_long_list_in_a_message_leaves_room_for_other_values() -> None:
+    findings = Findings()
+    for row in range(100):
+        findings.note("stamp-epoch", f"path[{row}].timestamp", row, "read")
+    findings.note("key-unknown", "loction", {}, "not used", "location")
+    assert [oddity.path for oddity in findings.oddities] == [*(f"path[{row}].timestamp" for row in range(3)), "loction"]
 
 
 def test_a_sender_that_makes_up_paths_displaces_its_oldest() -> None:

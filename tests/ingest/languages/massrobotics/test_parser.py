@@ -57,6 +57,32 @@ def test_a_rejection_names_the_rule_and_the_reason(vector: Vector) -> None:
         assert getattr(message, where) == expected
 
 
+@pytest.mark.parametrize(
+    ("sent", "reason", "oddity"),
+    [
+        (
+            {"location": None, "loction": here(), "operationalstate": "idle", "operationalState": None},
+            "location: is missing; loction: did you mean location?",
+            ("loction", "location"),
+        ),
+        (
+            {"uuid": None, "uuids": robot("A-1")},
+            "uuid: is missing; uuids: did you mean uuid?",
+            ("uuids", "uuid"),
+        ),
+        ({"location": None, "battery": 3}, "location: is missing", None),
+    ],
+)
+def test_a_missing_key_that_is_misspelt_is_named(
+    sent: dict[str, Any], reason: str, oddity: tuple[str, str] | None
+) -> None:
+    message = read(said(**sent))
+    assert isinstance(message, Rejection)
+    assert (message.rule, message.reason) == ("key-missing", reason)
+    found = [(odd.path, odd.nearest) for odd in message.oddities if odd.rule == "key-unknown"]
+    assert found == ([oddity] if oddity else [])
+
+
 MENDED = {rule for rule in RULES if rule.startswith("stamp-")} - {"stamp-unreadable", "stamp-absurd"} | {
     "battery-out-of-range",
     "byte-order-mark",
