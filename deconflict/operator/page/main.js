@@ -43,9 +43,9 @@ let moved = false; // whether somebody chose what the map shows; else it shows t
 const views = new Map(); // by floor, what it showed when somebody left it
 const extents = new Map(); // by floor, what its whole is
 const alarm = new Alarm();
-const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid) });
+const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid), hideRobot });
 const camera = new Camera($("map"), byHand, press);
-const box = new RobotBox($("detail"), { hide: () => { robotShown = null; lookBack(); }, follow: () => { followed = followed ? null : robotShown; list(); } });
+const box = new RobotBox($("detail"), { hide: hideRobot, follow: () => { followed = followed ? null : robotShown; list(); } });
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(shown.situations.find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
@@ -250,6 +250,7 @@ function placeName({ floor: datum, x, y }) {
 }
 
 function showBox() {
+  filters.keep(robotShown);
   const robot = robotShown && shown.robots.get(robotShown);
   box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
@@ -317,8 +318,13 @@ function showRobot(id, uuid) {
   robotShown = uuid;
   if (robot?.floor) visit(uuid, robot.floor, [placeOf(uuid)]);
   followed = uuid;
-  $("map").scrollIntoView({ block: "nearest" });
   list();
+  $("stage").scrollIntoView({ block: "nearest" }); // on a phone the box is below the map
+}
+
+function hideRobot() {
+  robotShown = null;
+  lookBack();
 }
 
 function press(px, py) {
@@ -360,7 +366,6 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "a" && !typing) acknowledgeByKey();
   if (event.key === "/" && !typing) { event.preventDefault(); $("robot").focus(); }
 });
-$("filters").onsubmit = (event) => event.preventDefault();
 $("tabs").addEventListener("keydown", (event) => {
   const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key], ids = floors().map(({ id }) => id);
   if (step) show(ids[(ids.indexOf(floor) + step + ids.length) % ids.length]);

@@ -1,6 +1,7 @@
 """Situations on the map of the operator's page, and what its filters show, in a real Chromium."""
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from playwright.async_api import Browser
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+PICTURES = Path(__file__).parents[3] / "build" / "page"
 
 
 async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Browser", face: Served) -> None:
@@ -168,6 +171,41 @@ async def test_a_search_that_finds_no_robot_or_several_says_so(browser: "Browser
         await page.keyboard.press("Enter")
         await until(page, f"document.getElementById('not-found').textContent.startsWith('{ROBOTS} robots have')")
         assert not await page.is_visible("#detail")
+
+
+@pytest.mark.parametrize("width", [360, 800])
+async def test_on_a_phone_the_box_of_a_robot_covers_no_part_of_the_map(
+    browser: "Browser", face: Served, width: int
+) -> None:
+    async with opened(browser, face, width, 740) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await page.wait_for_selector('#detail .follow[aria-pressed="true"]')
+        of_map, of_box = [await page.locator(each).bounding_box() for each in ("#map", "#detail")]
+        assert of_map
+        assert of_box
+        assert of_map["y"] >= 0
+        assert of_map["height"] > 0.5 * 740
+        assert of_box["y"] >= of_map["y"] + of_map["height"]
+        assert of_box["y"] + 60 < 740, "title and buttons of the box are on the screen"
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / f"phone-robot-{width}.png")
+
+
+async def test_clearing_the_search_closes_the_box_of_the_robot_that_it_found(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page:
+        await until(page, "document.querySelectorAll('#names option').length > 2")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await page.wait_for_selector("#detail:not([hidden])")
+        assert robot("A-2")[:8] in await page.input_value("#robot")
+        await page.fill("#robot", "")
+        await page.wait_for_selector("#detail", state="hidden")
+        await page.fill("#robot", robot("A-2")[:8])
+        await page.keyboard.press("Enter")
+        await page.click("#detail .close")
+        await until(page, "document.getElementById('robot').value === ''")
 
 
 async def test_a_robot_that_was_found_is_followed_until_the_map_is_moved_by_hand(

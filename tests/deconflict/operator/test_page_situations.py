@@ -505,6 +505,32 @@ async def test_tables_are_read_on_a_phone_without_scrolling_sideways(browser: "B
         await page.screenshot(path=PICTURES / "phone-shift.png")
 
 
+@pytest.mark.parametrize("width", [360, 480, 560, 800])
+async def test_the_menu_and_each_dialog_are_wholly_on_a_narrow_screen(
+    browser: "Browser", face: Served, width: int
+) -> None:
+    await face.publish(shown(1, 0, 1))
+    inside = """(element) => {
+        const { left, right } = element.getBoundingClientRect();
+        return left >= 0 && right <= innerWidth && element.scrollWidth <= element.clientWidth;
+    }"""
+    async with opened(browser, face, width, 740) as page:
+        await page.click("#alerts summary")
+        for site in "Works", "The second hall of the works":
+            await page.evaluate(f"document.getElementById('site').textContent = '{site}'")
+            assert await page.locator("#alerts > div").evaluate(inside), site
+        await page.click("#alerts summary")
+        for name, last in ("shift", "Who acknowledged what"), ("costs", "By hour"):
+            await page.click(f"#{name}-open")
+            await until(page, f"document.getElementById('{name}-body').textContent.includes('{last}')")
+            assert await page.locator(f"#{name}").evaluate(inside), name
+            await page.click(f"#{name}-close")
+        await page.click("#situations .take")
+        await page.wait_for_selector(".answered")
+        await page.click("#situations .take")
+        assert await page.locator("#acknowledge").evaluate(inside)
+
+
 async def test_sound_and_notifications_are_off_until_chosen_and_then_come_with_what_is_critical(
     browser: "Browser", face: Served
 ) -> None:

@@ -8,15 +8,19 @@ const ANY = "";
 const MOST_NAMED = 5;
 
 export class Filters {
-  // `acts`: changed(), showRobot(uuid).
+  // `acts`: changed(), showRobot(uuid), hideRobot().
   constructor(acts) {
     this.parts = { severity: $("by-severity"), vendor: $("by-vendor"), place: $("by-place") };
     this.offer("severity", SEVERITIES.map((severity) => [severity, SEVERITY[severity]]), "Any severity");
     for (const part of Object.values(this.parts)) part.onchange = acts.changed;
     $("all").onclick = () => { for (const part of Object.values(this.parts)) part.value = ANY; acts.changed(); };
     $("robot").onchange = () => this.find($("robot").value, acts.showRobot);
-    $("robot").oninput = () => { $("not-found").textContent = ""; };
-    this.robots = [];
+    $("filters").onsubmit = (event) => { event.preventDefault(); this.find($("robot").value, acts.showRobot); };
+    $("robot").oninput = () => {
+      $("not-found").textContent = "";
+      if (this.found && !$("robot").value) acts.hideRobot();
+    };
+    Object.assign(this, { robots: [], found: null });
   }
 
   // What can be chosen, which changes with the site and its robots. `places` are floors and places: { id, name, polygon, floor,
@@ -46,9 +50,17 @@ export class Filters {
     const wanted = text.trim().toLowerCase(), matching = this.robots.filter(({ name }) => wanted && name.toLowerCase().includes(wanted));
     const robot = matching.find(({ name }) => name.toLowerCase() === wanted) ?? (matching.length === 1 ? matching[0] : null);
     if (robot) {
+      this.found = robot;
+      $("robot").value = robot.name;
       showRobot(robot.uuid);
-      $("robot").value = "";
     } else if (wanted) $("not-found").textContent = whyNotFound(text.trim(), matching);
+  }
+
+  // The name of the robot that was found stands in the search as long as it is the one that is shown.
+  keep(shown) {
+    if (!this.found || this.found.uuid === shown) return;
+    if ($("robot").value === this.found.name) $("robot").value = "";
+    this.found = null;
   }
 
   get active() { return Object.values(this.parts).some(({ value }) => value !== ANY); }
