@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from ingest.languages.front_ends import MASSROBOTICS
 from ingest.port.connection_shares import holder_of, site_of
 
+BROKER = "broker"
+"""The word with which the source of a topic begins."""
 KEPT = -1
 """The number of the connection of messages that were kept for a restart."""
 
@@ -58,7 +60,7 @@ def _source(connection: Connection) -> str:
     """
     if connection.topic:
         named = (connection.vendor,) if connection.proven and connection.vendor else ()
-        return " ".join(filter(None, ("broker", connection.peer, _prefix(connection.topic), *named)))
+        return " ".join(filter(None, (BROKER, connection.peer, _prefix(connection.topic), *named)))
     if connection.proven and connection.vendor:
         return f"vendor {connection.vendor}"
     return site_of(connection.peer)

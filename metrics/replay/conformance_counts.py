@@ -21,12 +21,19 @@ EXAMPLE_BYTES = 2000
 
 def feed(fleet: Fleet, event: Received) -> None:
     """Feed one message of a log to the fleet. A message that was refused when it was recorded is refused again: some
-    rules concern the socket, not the message."""
-    if event.refused:
+    rules concern the socket, not the message. One that shows by itself why is read, which names its robot."""
+    if event.refused and not _shows_why(fleet, event):
         rejection = Rejection(event.refused, "refused when it was recorded")
         fleet.reject(rejection, event.raw, event.arrival_s, event.connection)
     else:
         fleet.receive_recorded(event)
+
+
+def _shows_why(fleet: Fleet, event: Received) -> bool:
+    connection = event.connection
+    names_as_uuid = fleet.owners.names_as_uuid(connection)
+    message, _ = FRONT_ENDS[connection.language].read(event.raw, connection.topic, None, names_as_uuid)
+    return isinstance(message, Rejection) and message.rule == event.refused
 
 
 def findings(measures: Measures) -> list[Vendor]:

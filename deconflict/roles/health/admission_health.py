@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ingest.fleet.owners.admission import PARTLY_EXAMINED, REMEDY, UNEXAMINED
+from ingest.fleet.owners.admission import PARTLY_EXAMINED, UNEXAMINED, remedy
 from ingest.measures.measures import joined_values
 
 MOST_NAMED = 5
@@ -19,7 +19,7 @@ def admission_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
     named = ", ".join(f"{count} of {source}" for source, count in sorted(by_source.items()))
     reason = (
         f"{waiting} new robots are shown, but not yet compared with others: {named}; "
-        f"a few are each minute; for all at once, {REMEDY}"
+        f"a few are each minute; for all at once, {remedy(by_source)}"
     )
     return {"status": "degraded", "reason": reason, "waiting": waiting}
 

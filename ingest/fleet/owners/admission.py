@@ -15,18 +15,18 @@ forecast and shown like any other.
 """
 
 from collections import Counter, OrderedDict, deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from math import inf
 
 from ingest.fleet.robot import Robot
 from ingest.languages.model import Rejection
-from ingest.port.connection import Connection
+from ingest.port.connection import BROKER, Connection
 
 UNEXAMINED, PARTLY_EXAMINED = "deconflict_robots_unexamined", "deconflict_robots_partly_examined"
 MOST_NAMED, OTHERS = 10, "other sources"
-REMEDY = (
-    "give its vendor a token or a certificate, or name its manufacturer or its robots in the vendors of the site file"
-)
+OF_TOPICS = "name its manufacturer or its robots in the vendors of the site file"
+OF_SOCKETS = "give its vendor a token or a certificate, or list its robots in vendors.robots of the site file"
 SETTLED_S, STARTS_S = 60.0, 300.0
 FEWEST, SHARE = 20, 0.05
 MINUTE_S = 60.0
@@ -77,8 +77,8 @@ class Admission:
         is_known = is_named or connection.proven or self.recorded is not None
         if is_known or self.waiting[connection.source] < MOST_WAITING:
             return None
-        reason = f"{MOST_WAITING} robots of {connection.source} wait to be examined; {REMEDY}"
-        return Rejection("robots-too-many", reason)
+        wait = f"{MOST_WAITING} robots of {connection.source} wait to be examined"
+        return Rejection("robots-too-many", f"{wait}; {remedy([connection.source])}")
 
     def consider(self, robot: Robot, connection: Connection, now_s: float, *, is_named: bool) -> None:
         """Examine the robot from now on, or let it wait. `is_named`: whether the site file names it."""
@@ -148,6 +148,14 @@ class Admission:
             _remove_past(newcomers.placed_s, now_s)
             if not (newcomers.waiting or newcomers.placed or newcomers.placed_s):
                 del self._newcomers[source]
+
+
+def remedy(sources: Collection[str]) -> str:
+    """What to do so that robots of these sources need not wait. A manufacturer proves something of topics only."""
+    topics = sum(source.partition(" ")[0] == BROKER for source in sources)
+    if topics in (0, len(sources)):
+        return OF_TOPICS if topics else OF_SOCKETS
+    return f"of a broker, {OF_TOPICS}; of others, {OF_SOCKETS}"
 
 
 def _remove_past(times_s: deque[float], now_s: float) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Set
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
-from ingest.fleet.owners.admission import REMEDY
+from ingest.fleet.owners.admission import remedy
 from ingest.fleet.robot import Robot
 from ingest.fleet.shown.quarantine import SEVERAL
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
@@ -85,7 +85,8 @@ def not_compared(
 
 
 def unexamined_sentence(robot: Robot) -> str:
-    return f"only some new robots of {robot.source} a minute are compared with others; for all at once, {REMEDY}"
+    what = f"only some new robots of {robot.source} a minute are compared with others"
+    return f"{what}; for all at once, {remedy([robot.source])}"
 
 
 def _without_position(robot: Robot, now_s: float, is_heard: bool) -> NotCompared:

@@ -90,3 +90,21 @@ def test_values_that_deviate_are_listed_below_their_rule_and_robots_without_a_po
     assert "<li>location.planarDatm: sent 3, read: not at all; did you mean planarDatum? (2 robots)</li>" in html
     assert "<h2>Compared with no other robot</h2><ul><li>Alder A-1: " in html
     assert isinstance(read(MassRoboticsFrontEnd(), messages[0][1], "", None, None)[0], Identity)
+
+
+def test_a_robot_whose_recorded_statuses_were_refused_says_why(tmp_path: Path) -> None:
+    bad = status("A-1", NOW_S, location=None, loction={"x": 1.0})
+    messages = [(identity("A-1", NOW_S), ""), *[(bad, '"rejected":"key-missing",')] * 3]
+    messages.append((status("A-2", NOW_S), '"rejected":"message-too-large",'))
+    log = tmp_path / "log.jsonl"
+    head = '{{"received":"{}","connection":1,"peer":"x",{}"message":{}}}\n'
+    rows = [
+        head.format(timestamps.write(NOW_S + at_s), mark, raw.decode()) for at_s, (raw, mark) in enumerate(messages)
+    ]
+    log.write_text("".join(rows))
+    result = conform(LogReader(), LogReader().read([log]), DEFAULT)
+    alder, unknown = sorted(result["conformance"], key=lambda vendor: vendor["vendor"])
+    assert (alder["accepted"], alder["rejected"], unknown["accepted"], unknown["rejected"]) == (1, 3, 0, 1)
+    text = page(result)
+    assert "3 messages rejected, the last: location: is missing; loction: did you mean location?" in text
+    assert '            loction: sent {"x": 1.0}, read: not used; did you mean location?' in text

@@ -8,7 +8,16 @@ import pytest
 from ingest.fast_path.loader import load
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.owners.admission import MINUTE_S, MOST_NAMED, MOST_WAITING, OTHERS, SETTLED_S, STARTS_S, UNEXAMINED
+from ingest.fleet.owners.admission import (
+    MINUTE_S,
+    MOST_NAMED,
+    MOST_WAITING,
+    OTHERS,
+    SETTLED_S,
+    STARTS_S,
+    UNEXAMINED,
+    remedy,
+)
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.fleet.shared_identities import INTRODUCER
 from ingest.measures.measures import Measures
@@ -165,6 +174,27 @@ def test_a_robot_that_waits_is_shown_with_the_reason_and_counted() -> None:
     assert document(of, "N-0", KNOWN_S)["unexamined_reason"] is None
     fleet_report.measure(of, KNOWN_S)
     assert of.measures.values[UNEXAMINED] == {("10.0.0.1",): 1}
+
+
+def test_who_reports_over_a_socket_is_not_advised_to_name_a_manufacturer_since_that_does_not_help() -> None:
+    of = known_floor(25, Vendor(name="Alder", manufacturers=("Alder",), robots=(robot("L-1"),)))
+    for name in named("N", 25):
+        of.receive(identity(name, KNOWN_S), KNOWN_S, HERE)
+    report(of, named("N", 25), KNOWN_S)
+    report(of, ["L-1"], KNOWN_S)
+    waiting = document(of, "N-24", KNOWN_S)
+    assert (waiting["vendor"], waiting["examined"]) == ("Alder", False), "its manufacturer is named"
+    assert "manufacturer" not in waiting["unexamined_reason"]
+    assert "vendors.robots" in waiting["unexamined_reason"]
+    assert document(of, "L-1", KNOWN_S)["examined"] is True, "what is advised helps"
+
+
+def test_the_advice_on_a_broker_is_to_name_the_manufacturer_and_on_several_sources_says_which() -> None:
+    topics, socket = "broker hall uagv/v2", "10.0.0.1"
+    assert "manufacturer" in remedy([topics])
+    assert "token" not in remedy([topics])
+    assert "manufacturer" not in remedy([socket])
+    assert remedy([topics, socket]) == f"of a broker, {remedy([topics])}; of others, {remedy([socket])}"
 
 
 def test_the_sources_with_most_are_named_and_the_rest_counted_together() -> None:
