@@ -48,8 +48,11 @@ export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
 }
 
+// A duration: seconds below 100 s, then minutes, with a decimal below 10 min, and hours from 2 h on.
 export function span(s) {
-  return s < 120 ? `${Math.max(Math.round(s), 0)} s` : s < 7200 ? `${Math.round(s / 60)} min` : `${Math.round(s / 3600)} h`;
+  const wholeS = Math.max(Math.round(s), 0);
+  if (wholeS < 100) return `${wholeS} s`;
+  return wholeS < 7200 ? `${(wholeS / 60).toFixed(wholeS < 597 ? 1 : 0)} min` : `${Math.round(wholeS / 3600)} h`;
 }
 
 export function ago(s) {
@@ -126,7 +129,7 @@ export function leftOf(action, { since_at: since }, nowS) {
 function steps(advice, nowS) {
   const steps = advice.actions.filter(({ text }) => text).map((action) => {
     const { seconds: leftS } = leftOf(action, advice, nowS);
-    return leftS < action.seconds ? `${action.text} (${leftS} s left)` : action.text;
+    return leftS < action.seconds ? `${action.text} (${span(leftS)} left)` : action.text;
   });
   return steps.length ? steps : [advice.text];
 }

@@ -626,3 +626,14 @@ async def test_the_shift_summary_counts_situations_with_people(browser: "Browser
             "1 situation of driven vehicles and people, 0 of them critical at worst."
         )
         await until(page, f"document.getElementById('shift-body').textContent.includes({line!r})")
+
+
+async def test_durations_have_one_rule(browser: "Browser", face: Served) -> None:
+    script = """async (seconds) => {
+        const { span } = await import("/page/texts.js");
+        return seconds.map(span);
+    }"""
+    spans = {0: "0 s", 93: "93 s", 99.4: "99 s", 99.6: "1.7 min", 120: "2.0 min", 596: "9.9 min", 597: "10 min"}
+    spans |= {3540: "59 min", 7199: "120 min", 7200: "2 h"}
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script, list(spans)) == list(spans.values())
