@@ -637,3 +637,18 @@ async def test_durations_have_one_rule(browser: "Browser", face: Served) -> None
     spans |= {3540: "59 min", 7199: "120 min", 7200: "2 h"}
     async with opened(browser, face) as page:
         assert await page.evaluate(script, list(spans)) == list(spans.values())
+
+
+async def test_what_was_acknowledged_is_said_without_its_time(browser: "Browser", face: Served) -> None:
+    sentences = {"summary": "A-0 and A-1 cross in 9 s, in Aisle 3", "headline": "A-0 and A-1 cross, in Aisle 3"}
+    await face.publish(shown(1, 0, 1, **sentences))
+    async with opened(browser, face) as page:
+        await page.click("#situations .take")
+        await page.wait_for_selector(".answered")
+        await page.click("#situations .take")
+        assert await text(page, "#acknowledge-what") == sentences["headline"]
+        await page.keyboard.press("Escape")
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes('acknowledged what')")
+        answered = await text(page, "#shift-body section:last-child tbody tr")
+        assert sentences["headline"] in answered
