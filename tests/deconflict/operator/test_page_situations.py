@@ -652,3 +652,19 @@ async def test_what_was_acknowledged_is_said_without_its_time(browser: "Browser"
         await until(page, "document.getElementById('shift-body').textContent.includes('acknowledged what')")
         answered = await text(page, "#shift-body section:last-child tbody tr")
         assert sentences["headline"] in answered
+
+
+async def test_a_card_that_is_one_line_names_its_robots(browser: "Browser", face: Served) -> None:
+    calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION, "situation_kind": "knot"}
+    headline = "9 robots get in each other's way"
+    await face.publish(shown(1, *range(7), more_robots=2, headline=headline, **calm))
+    await face.publish(shown(2, 8, 9, headline=f"{name(8)} and {name(9)} cross", **calm))
+    async with opened(browser, face) as page:
+        named = page.locator("[data-id=situation-1] .named")
+        assert await named.inner_text() == "A-0, A-1, A-2, A-3 and 5 more"
+        assert not await page.locator("[data-id=situation-2] .named").is_visible(), "its sentence names both"
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / "calm-cards.png")
+        await page.click("[data-id=situation-1] .what")
+        await page.locator("[data-id=situation-1] .robots").wait_for(state="visible")
+        assert not await named.is_visible(), "its robots are buttons now"
