@@ -172,11 +172,19 @@ function tabs() {
     tab.setAttribute("aria-selected", String(id === floor));
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
-    if (count) tab.append(Object.assign(document.createElement("span"), { className: `open ${worst.get(id)}`, textContent: count, ariaLabel: `${plural(count, "situation")} that need somebody` }));
+    if (count) tab.append(needed(count, worst.get(id)));
+    tab.title = `${count ? plural(count, "situation") : "No situation"} of this floor ${count > 1 ? "need" : "needs"} somebody; the list has those of all floors, and those that end by themselves`;
     tab.onclick = () => show(id);
     return tab;
   }));
   if (focused) $("tabs").querySelector('[aria-selected="true"]')?.focus();
+}
+
+// How many situations of a floor need somebody, as part of its tab. On a phone the words are for screen readers only.
+function needed(count, severity) {
+  const box = Object.assign(document.createElement("span"), { className: `open ${severity}`, textContent: count });
+  box.append(Object.assign(document.createElement("span"), { className: "words", textContent: count === 1 ? " needs you" : " need you" }));
+  return box;
 }
 
 function show(id) {

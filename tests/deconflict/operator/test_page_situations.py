@@ -668,3 +668,22 @@ async def test_a_card_that_is_one_line_names_its_robots(browser: "Browser", face
         await page.click("[data-id=situation-1] .what")
         await page.locator("[data-id=situation-1] .robots").wait_for(state="visible")
         assert not await named.is_visible(), "its robots are buttons now"
+
+
+@pytest.mark.parametrize(("width", "shown_text"), [(1400, "1 needs you"), (360, "1")])
+async def test_the_tab_of_a_floor_says_that_it_counts_what_needs_somebody(
+    browser: "Browser", face: Served, width: int, shown_text: str
+) -> None:
+    calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION}
+    await face.publish(shown(1, 0, 1), shown(2, 4, 5, **calm), shown(3, 8, 9, **calm))
+    async with opened(browser, face, width) as page:
+        await until(page, "document.getElementById('count').textContent === '(3)'")
+        count = page.locator("#tabs .open")
+        assert await count.text_content() == "1 needs you", "screen readers hear the words"
+        words = page.locator("#tabs .words")
+        seen = await words.evaluate("(words) => words.getBoundingClientRect().width > 1")
+        assert ("needs you" in shown_text) == seen
+        title = await page.get_attribute("#tabs [role=tab]", "title") or ""
+        assert title.startswith("1 situation of this floor needs somebody; the list has those of all floors")
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / f"tab-{width}.png")
