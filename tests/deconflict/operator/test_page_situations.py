@@ -183,7 +183,7 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
         return [["A-3"], ["A-3", "A-5"], ["A-3", "A-5", "A-6", "A-7"], []].map((names, i) => {
             const health = { at_s: i, vendors: { Alder: { ...vendor, messages: i, distrusted: names.length || 2 } } };
             table.tables(words, figures, health, () => names);
-            return words.textContent.match(/nown(.*) may be wrong/)[1];
+            return words.textContent.match(/nown(.*?)( may be wrong|$)/)[1];
         });
     }"""
     health = VendorHealth(name="Alder", robots=ROBOTS).model_dump(mode="json")
@@ -192,8 +192,32 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
             "A-3 moves otherwise than it announces: warnings of it",
             "A-3 and A-5 move otherwise than they announce: warnings of them",
             "A-3, A-5, A-6 and 1 more move otherwise than they announce: warnings of them",
-            "2 robots move otherwise than they announce: warnings of them",
+            "nothing",
         ]
+
+
+async def test_only_a_vehicle_with_a_path_that_stays_off_it_is_said_to_move_otherwise(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async (looks) => {
+        const { Doubts } = await import("/page/list/doubts.js"), doubts = new Doubts();
+        const ways = { off: "path", order: "order", flickers: "path", silent: "velocity", foot: "path" };
+        const robots = new Map(Object.entries(ways).map(([uuid, basis]) =>
+            [uuid, { uuid, basis, participant: uuid === "foot" ? "person" : "robot" }]));
+        return looks.map(([at_s, distrusted]) => {
+            doubts.note({ at_s, distrusted }, robots);
+            return [...robots.keys()].filter((uuid) => doubts.has(uuid));
+        });
+    }"""
+    everybody = ["off", "order", "flickers", "silent", "foot"]
+    steady = [each for each in everybody if each != "flickers"]
+    looks = [(at_s, everybody if at_s % 6 else steady) for at_s in range(0, 22, 2)]
+    looks += [(28, []), (36, ["off"]), (51, []), (67, [])]
+    async with opened(browser, face) as page:
+        said = await page.evaluate(script, looks)
+    assert said[:5] == [[]] * 5, "not before 10 s on end"
+    assert said[5:12] == [["off", "order"]] * 7
+    assert said[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
 
 
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
