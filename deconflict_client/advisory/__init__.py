@@ -139,7 +139,9 @@ class Acknowledgement(Published):
     name: str = Field(description="name of the person")
     reason: str = Field(description="what is done about it, or why nothing is")
     at: datetime
-    summary: str = Field(default="", description="the summary that was acknowledged; later revisions may have another")
+    summary: str = Field(
+        default="", description="what was acknowledged, without time and advice; later revisions may have another"
+    )
     answer: AdviceAnswer | None = Field(
         default=None, exclude_if=operator.not_, description="what a vendor answers to advice; absent elsewhere"
     )

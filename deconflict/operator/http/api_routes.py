@@ -127,7 +127,7 @@ class ApiRoutes:
             raise HTTPException(409, f"{advisory_id!r} is advice; POST /advice/{advisory_id}/answer answers it")
         if revisions and revisions[-1].state is AdvisoryState.CLEARED:
             raise HTTPException(409, f"{advisory_id!r} is cleared; only what is open can be acknowledged")
-        summary = revisions[-1].summary if revisions else ""
+        summary = (revisions[-1].headline or revisions[-1].summary) if revisions else ""
         acknowledgement = Acknowledgement(name=name, reason=answer.reason, at=datetime.now(UTC), summary=summary)
         answered = await self._publisher.acknowledge(advisory_id, acknowledgement)
         if answered is None:

@@ -4,6 +4,7 @@ import { acknowledge, remember, remembered } from "./list/acknowledge.js";
 import { Alarm } from "./list/alarm.js";
 import { Camera } from "./map/camera.js";
 import { Cards, lines, setText } from "./list/cards.js";
+import { Doubts } from "./list/doubts.js";
 import { Costs } from "./dialogs/costs.js";
 import { Feed } from "./floor/feed.js";
 import { Filters } from "./list/filters.js";
@@ -32,7 +33,7 @@ const NEWS_S = 5; // an older revision is not announced: the stream sends it aga
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
 
-const vendors = new Vendors();
+const vendors = new Vendors(), doubts = new Doubts();
 const feed = new Feed(announce);
 const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, atS));
 const shown = new Shown(live, feed);
@@ -172,11 +173,19 @@ function tabs() {
     tab.setAttribute("aria-selected", String(id === floor));
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
-    if (count) tab.append(Object.assign(document.createElement("span"), { className: `open ${worst.get(id)}`, textContent: count, ariaLabel: `${plural(count, "situation")} that need somebody` }));
+    if (count) tab.append(needed(count, worst.get(id)));
+    tab.title = `${count ? plural(count, "situation") : "No situation"} of this floor ${count > 1 ? "need" : "needs"} somebody; the list has those of all floors, and those that end by themselves`;
     tab.onclick = () => show(id);
     return tab;
   }));
   if (focused) $("tabs").querySelector('[aria-selected="true"]')?.focus();
+}
+
+// How many situations of a floor need somebody, as part of its tab. On a phone the words are for screen readers only.
+function needed(count, severity) {
+  const box = Object.assign(document.createElement("span"), { className: `open ${severity}`, textContent: count });
+  box.append(Object.assign(document.createElement("span"), { className: "words", textContent: count === 1 ? " needs you" : " need you" }));
+  return box;
 }
 
 function show(id) {
@@ -232,6 +241,7 @@ function list() {
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${counted(here)}, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   setText($("vendors-title"), shown.isPast ? "Vendors now" : "Vendors");
+  doubts.note(live.health, live.robots);
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
   vendors.mending($("to-mend"), live.health);
   if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, shown.atS, isTakenOff, shown.isPast ? new Map() : vendors.notCompared());
@@ -240,7 +250,7 @@ function list() {
 
 // The names of a vendor's robots that drive otherwise than they announce.
 function distrusted(vendor) {
-  return (live.health.distrusted ?? []).map((uuid) => live.robots.get(uuid)).filter((robot) => robot?.vendor === vendor).map(({ name }) => short(name, vendor));
+  return [...live.robots.values()].filter((robot) => robot.vendor === vendor && doubts.has(robot.uuid)).map(({ name }) => short(name, vendor)).sort();
 }
 
 // A point in words: the place that it lies in, or else its coordinates, and the floor if that is another one than the map's.
@@ -252,7 +262,7 @@ function placeName({ floor: datum, x, y }) {
 function showBox() {
   filters.keep(robotShown);
   const robot = robotShown && shown.robots.get(robotShown);
-  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: (shown.health.distrusted ?? []).includes(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
+  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: !shown.isPast && doubts.has(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
 
 // New situations are announced politely, critical ones at once unless robots or other advice come first, also if somebody acknowledged them before they became critical.

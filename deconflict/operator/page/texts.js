@@ -43,13 +43,17 @@ export const FAR_S = 90; // what begins later is marked on the map only if someb
 const BEGUN_S = 4; // what began longer ago has the time since then
 const CHANGED_S = 15; // advice is new for so long
 const LONG_S = 120; // what is open for longer has the time of day since when it is
+const MOST_NAMED = 4; // robots that the line of a situation names
 
 export function clock(atS) {
   return new Date(atS * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
 }
 
+// A duration: seconds below 100 s, then minutes, with a decimal below 10 min, and hours from 2 h on.
 export function span(s) {
-  return s < 120 ? `${Math.max(Math.round(s), 0)} s` : s < 7200 ? `${Math.round(s / 60)} min` : `${Math.round(s / 3600)} h`;
+  const wholeS = Math.max(Math.round(s), 0);
+  if (wholeS < 100) return `${wholeS} s`;
+  return wholeS < 7200 ? `${(wholeS / 60).toFixed(wholeS < 597 ? 1 : 0)} min` : `${Math.round(wholeS / 3600)} h`;
 }
 
 export function ago(s) {
@@ -69,6 +73,13 @@ export function isOver({ kind, advisories }) { return kind === "situation" && !a
 
 // What happens, without time (the countdown beside it is current) and advice. Revisions of older releases have a summary only.
 export function what({ headline, summary }) { return headline || summary; }
+
+// The robots of a situation, if its sentence does not name the first of them: at most four, and how many more.
+export function unnamed(situation) {
+  const { names, vendors, more_robots: others } = situation, first = names.slice(0, MOST_NAMED), more = names.length - first.length + (others ?? 0);
+  if (first.every((name) => what(situation).includes(name))) return "";
+  return listed([...first.map((name, i) => short(name, vendors[i])), ...(more ? [`${more} more`] : [])]);
+}
 
 export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
@@ -126,7 +137,7 @@ export function leftOf(action, { since_at: since }, nowS) {
 function steps(advice, nowS) {
   const steps = advice.actions.filter(({ text }) => text).map((action) => {
     const { seconds: leftS } = leftOf(action, advice, nowS);
-    return leftS < action.seconds ? `${action.text} (${leftS} s left)` : action.text;
+    return leftS < action.seconds ? `${action.text} (${span(leftS)} left)` : action.text;
   });
   return steps.length ? steps : [advice.text];
 }

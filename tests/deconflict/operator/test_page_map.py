@@ -149,7 +149,7 @@ async def test_the_age_of_a_robot_that_is_not_heard_stands_beside_it(browser: "B
         return texts;
     }"""
     async with opened(browser, face) as page:
-        assert sorted(await page.evaluate(script)) == ["Robot 1, heard 5 s ago", "Robot 2 silent 3 min"]
+        assert sorted(await page.evaluate(script)) == ["Robot 1, heard 5 s ago", "Robot 2 silent 2.5 min"]
 
 
 async def test_a_robot_is_found_by_a_part_of_its_name(browser: "Browser", face: Served) -> None:
@@ -227,7 +227,7 @@ async def test_a_robot_that_was_found_is_followed_until_the_map_is_moved_by_hand
 
 
 async def test_the_box_says_what_a_robot_is_doing_as_far_as_it_says(browser: "Browser", face: Served) -> None:
-    doing = {"destination": {"floor": HALL, "x": 4.0, "y": 1.0, "expected_s": time.time() + 100}, "battery_pct": 83.0}
+    doing = {"destination": {"floor": HALL, "x": 4.0, "y": 1.0, "expected_s": time.time() + 1000}, "battery_pct": 83.0}
     face.sources.heard = [
         {**HEARD, "uuid": robot("A-2"), "vendor": "Alder", "age_s": 0.1, **doing, "load_used_pct": 0.0}
     ]

@@ -183,7 +183,7 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
         return [["A-3"], ["A-3", "A-5"], ["A-3", "A-5", "A-6", "A-7"], []].map((names, i) => {
             const health = { at_s: i, vendors: { Alder: { ...vendor, messages: i, distrusted: names.length || 2 } } };
             table.tables(words, figures, health, () => names);
-            return words.textContent.match(/nown(.*) may be wrong/)[1];
+            return words.textContent.match(/nown(.*?)( may be wrong|$)/)[1];
         });
     }"""
     health = VendorHealth(name="Alder", robots=ROBOTS).model_dump(mode="json")
@@ -192,8 +192,32 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
             "A-3 moves otherwise than it announces: warnings of it",
             "A-3 and A-5 move otherwise than they announce: warnings of them",
             "A-3, A-5, A-6 and 1 more move otherwise than they announce: warnings of them",
-            "2 robots move otherwise than they announce: warnings of them",
+            "nothing",
         ]
+
+
+async def test_only_a_vehicle_with_a_path_that_stays_off_it_is_said_to_move_otherwise(
+    browser: "Browser", face: Served
+) -> None:
+    script = """async (looks) => {
+        const { Doubts } = await import("/page/list/doubts.js"), doubts = new Doubts();
+        const ways = { off: "path", order: "order", flickers: "path", silent: "velocity", foot: "path" };
+        const robots = new Map(Object.entries(ways).map(([uuid, basis]) =>
+            [uuid, { uuid, basis, participant: uuid === "foot" ? "person" : "robot" }]));
+        return looks.map(([at_s, distrusted]) => {
+            doubts.note({ at_s, distrusted }, robots);
+            return [...robots.keys()].filter((uuid) => doubts.has(uuid));
+        });
+    }"""
+    everybody = ["off", "order", "flickers", "silent", "foot"]
+    steady = [each for each in everybody if each != "flickers"]
+    looks = [(at_s, everybody if at_s % 6 else steady) for at_s in range(0, 22, 2)]
+    looks += [(28, []), (36, ["off"]), (51, []), (67, [])]
+    async with opened(browser, face) as page:
+        said = await page.evaluate(script, looks)
+    assert said[:5] == [[]] * 5, "not before 10 s on end"
+    assert said[5:12] == [["off", "order"]] * 7
+    assert said[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
 
 
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
@@ -626,3 +650,64 @@ async def test_the_shift_summary_counts_situations_with_people(browser: "Browser
             "1 situation of driven vehicles and people, 0 of them critical at worst."
         )
         await until(page, f"document.getElementById('shift-body').textContent.includes({line!r})")
+
+
+async def test_durations_have_one_rule(browser: "Browser", face: Served) -> None:
+    script = """async (seconds) => {
+        const { span } = await import("/page/texts.js");
+        return seconds.map(span);
+    }"""
+    spans = {0: "0 s", 93: "93 s", 99.4: "99 s", 99.6: "1.7 min", 120: "2.0 min", 596: "9.9 min", 597: "10 min"}
+    spans |= {3540: "59 min", 7199: "120 min", 7200: "2 h"}
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script, list(spans)) == list(spans.values())
+
+
+async def test_what_was_acknowledged_is_said_without_its_time(browser: "Browser", face: Served) -> None:
+    sentences = {"summary": "A-0 and A-1 cross in 9 s, in Aisle 3", "headline": "A-0 and A-1 cross, in Aisle 3"}
+    await face.publish(shown(1, 0, 1, **sentences))
+    async with opened(browser, face) as page:
+        await page.click("#situations .take")
+        await page.wait_for_selector(".answered")
+        await page.click("#situations .take")
+        assert await text(page, "#acknowledge-what") == sentences["headline"]
+        await page.keyboard.press("Escape")
+        await page.click("#shift-open")
+        await until(page, "document.getElementById('shift-body').textContent.includes('acknowledged what')")
+        answered = await text(page, "#shift-body section:last-child tbody tr")
+        assert sentences["headline"] in answered
+
+
+async def test_a_card_that_is_one_line_names_its_robots(browser: "Browser", face: Served) -> None:
+    calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION, "situation_kind": "knot"}
+    headline = "9 robots get in each other's way"
+    await face.publish(shown(1, *range(7), more_robots=2, headline=headline, **calm))
+    await face.publish(shown(2, 8, 9, headline=f"{name(8)} and {name(9)} cross", **calm))
+    async with opened(browser, face) as page:
+        named = page.locator("[data-id=situation-1] .named")
+        assert await named.inner_text() == "A-0, A-1, A-2, A-3 and 5 more"
+        assert not await page.locator("[data-id=situation-2] .named").is_visible(), "its sentence names both"
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / "calm-cards.png")
+        await page.click("[data-id=situation-1] .what")
+        await page.locator("[data-id=situation-1] .robots").wait_for(state="visible")
+        assert not await named.is_visible(), "its robots are buttons now"
+
+
+@pytest.mark.parametrize(("width", "shown_text"), [(1400, "1 needs you"), (360, "1")])
+async def test_the_tab_of_a_floor_says_that_it_counts_what_needs_somebody(
+    browser: "Browser", face: Served, width: int, shown_text: str
+) -> None:
+    calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION}
+    await face.publish(shown(1, 0, 1), shown(2, 4, 5, **calm), shown(3, 8, 9, **calm))
+    async with opened(browser, face, width) as page:
+        await until(page, "document.getElementById('count').textContent === '(3)'")
+        count = page.locator("#tabs .open")
+        assert await count.text_content() == "1 needs you", "screen readers hear the words"
+        words = page.locator("#tabs .words")
+        seen = await words.evaluate("(words) => words.getBoundingClientRect().width > 1")
+        assert ("needs you" in shown_text) == seen
+        title = await page.get_attribute("#tabs [role=tab]", "title") or ""
+        assert title.startswith("1 situation of this floor needs somebody; the list has those of all floors")
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        await page.screenshot(path=PICTURES / f"tab-{width}.png")

@@ -3,7 +3,7 @@
 import { Turns, read } from "../floor/reading.js";
 import { remember, remembered } from "../list/acknowledge.js";
 import { inside } from "../map/places.js";
-import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, titled } from "../texts.js";
+import { KINDS, SEVERITIES, SEVERITY, clock, plural, seconds, sentence, span, titled, what } from "../texts.js";
 
 const MOST_ROWS = 10;
 // Of codes whose sentences name a robot.
@@ -83,7 +83,7 @@ function period(fromS, untilS) {
 
 // Each acknowledgement, the oldest first.
 function answers(situations) {
-  const given = situations.filter(({ acknowledgement }) => acknowledgement).map((each) => ({ ...each.acknowledgement, summary: sentence(each.acknowledgement.summary || each.summary) }));
+  const given = situations.filter(({ acknowledgement }) => acknowledgement).map((each) => ({ ...each.acknowledgement, summary: sentence(each.acknowledgement.summary || what(each)) }));
   return given.sort((a, b) => seconds(a.at) - seconds(b.at));
 }
 

@@ -1,5 +1,7 @@
 // Acknowledges situations: at once, and in a dialog for who it is and what is done about it.
 
+import { what } from "../texts.js";
+
 const SEEN = "Seen"; // what is done about it, if nobody says more
 const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
 const dialog = document.getElementById("acknowledge");
@@ -9,8 +11,9 @@ export function acknowledge(situation, signedIn) {
   return situation.acknowledgement ? ask(situation, signedIn) : acknowledgeAtOnce(situation, signedIn);
 }
 
-function ask({ id, summary }, signedIn) {
-  about.textContent = summary;
+function ask(situation, signedIn) {
+  const { id } = situation;
+  about.textContent = what(situation);
   refused.textContent = why.value = "";
   who.required = !signedIn;
   who.closest("label").hidden = signedIn;

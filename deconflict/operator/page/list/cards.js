@@ -1,6 +1,6 @@
 // The list of situations: a card each, the most urgent first, with the advisories behind it.
 
-import { SEVERITIES, SIGNS, asked, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, title, toDo, what } from "../texts.js";
+import { SEVERITIES, SIGNS, asked, by, change, countdown, isCalm, isOver, mostUrgentFirst, plural, sentence, severityOf, short, since, title, toDo, unnamed, what } from "../texts.js";
 
 const MOST_CARDS = 5; // the others are shown on request
 const STILL_MS = 30_000; // a pointer that has not moved for so long has been left on the cards
@@ -57,7 +57,7 @@ export class Cards {
 
   newCard(id) {
     const card = part("li", "card"), top = part("div", "top"), buttons = part("div", "acts"), behind = part("details", "behind"), { acts } = this;
-    const parts = card.parts = Object.fromEntries([["span", "severity"], ["h3", "kind"], ["span", "when"], ["p", "what"], ["p", "advice"], ["strong", "first"], ["span", "then"],
+    const parts = card.parts = Object.fromEntries([["span", "severity"], ["h3", "kind"], ["span", "when"], ["p", "what"], ["p", "named"], ["p", "advice"], ["strong", "first"], ["span", "then"],
       ["p", "by"], ["p", "asked"], ["p", "changed"], ["ul", "robots"], ["p", "since"], ["p", "answer"], ["button", "show"], ["button", "take"], ["summary", "count"], ["ul", "lines"]].map(([tag, kind]) => [kind, part(tag, kind)]));
     card.dataset.id = id;
     parts.behind = behind;
@@ -75,7 +75,7 @@ export class Cards {
     parts.advice.append(parts.first, parts.then);
     buttons.append(parts.since, parts.show, parts.take);
     behind.append(parts.count, parts.lines);
-    card.append(top, parts.what, parts.advice, parts.by, parts.asked, parts.changed, parts.robots, parts.answer, buttons, behind);
+    card.append(top, parts.what, parts.named, parts.advice, parts.by, parts.asked, parts.changed, parts.robots, parts.answer, buttons, behind);
     this.cards.set(id, card);
     return card;
   }
@@ -96,6 +96,7 @@ export class Cards {
     setText(parts.kind, title(situation));
     setText(parts.when, ended ? "" : countdown(situation, nowS));
     setText(parts.what, ended && isCalm(situation) ? `${text}: ${(situation.cleared_because ?? "")}` : text);
+    showText(parts.named, isCalm(situation) && !ended && situation.id !== chosen ? unnamed(situation) : "");
     setText(parts.first, ended ? "" : first);
     setText(parts.then, ended ? sentence((situation.cleared_because ?? "")) : then);
     showText(parts.by, ended ? "" : by(situation));

@@ -81,7 +81,7 @@ export class Vendors {
   tables(words, figures, health, distrusted) {
     if (!health.vendors || this.healths.at(-1)?.at_s === health.at_s) return;
     this.healths = [...this.healths.slice(1 - RATE_SAMPLES), health];
-    const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, { ...vendor, doubts: distrust(vendor, distrusted(name)) }, this.rate(name)]);
+    const vendors = Object.entries(health.vendors).map(([name, vendor]) => [name, { ...vendor, doubts: distrust(distrusted(name)) }, this.rate(name)]);
     words.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inWords(vendor, rate))));
     figures.replaceChildren(...vendors.map(([name, vendor, rate]) => row(name, inFigures(vendor, rate))));
     [words, figures].forEach((body) => titled(body.closest("table")));
@@ -141,7 +141,7 @@ function inFigures(vendor, rate) {
     [clock(vendor), clock(vendor) !== "right"],
     [vendor.forecast_age_s === null ? "–" : `${vendor.forecast_age_s.toFixed(1)} s`, vendor.forecast_age_s > 3],
     [vendor.grade === null ? "not yet known" : `${vendor.grade}: ${ACCURACY[vendor.grade]}`, vendor.grade >= "D"],
-    [[...changes(vendor), ...vendor.doubts].join("; ") || "nothing", vendor.flags.length + vendor.distrusted > 0],
+    [[...changes(vendor), ...vendor.doubts].join("; ") || "nothing", vendor.flags.length + vendor.doubts.length > 0],
   ];
 }
 
@@ -155,12 +155,11 @@ function changes(vendor) {
   return vendor.flags.map((flag) => `${flag.words} since ${new Date(flag.since).toLocaleTimeString([], CLOCK)}`);
 }
 
-// Which robots move otherwise than they announce; `names` are those that are known.
-function distrust({ distrusted: count }, names) {
-  if (!count) return [];
-  const parts = [...names.slice(0, NAMED), ...(count > NAMED ? [`${count - NAMED} more`] : [])];
-  const who = listed(parts) || plural(count, "robot");
-  return [`${who} ${count === 1 ? "moves otherwise than it announces: warnings of it" : "move otherwise than they announce: warnings of them"} may be wrong`];
+// Which robots move otherwise than they announce, as a list of one sentence, or none.
+function distrust(names) {
+  if (!names.length) return [];
+  const who = listed([...names.slice(0, NAMED), ...(names.length > NAMED ? [`${names.length - NAMED} more`] : [])]);
+  return [`${who} ${names.length === 1 ? "moves otherwise than it announces: warnings of it" : "move otherwise than they announce: warnings of them"} may be wrong`];
 }
 
 function row(name, cells) {
