@@ -139,9 +139,7 @@ class Acknowledgement(Published):
     name: str = Field(description="name of the person")
     reason: str = Field(description="what is done about it, or why nothing is")
     at: datetime
-    summary: str = Field(
-        default="", description="what was acknowledged, without time and advice; later revisions may have another"
-    )
+    summary: str = Field(default="", description="the headline that was acknowledged; later ones may differ")
     answer: AdviceAnswer | None = Field(
         default=None, exclude_if=operator.not_, description="what a vendor answers to advice; absent elsewhere"
     )

@@ -214,10 +214,10 @@ async def test_only_a_vehicle_with_a_path_that_stays_off_it_is_said_to_move_othe
     looks = [(at_s, everybody if at_s % 6 else steady) for at_s in range(0, 22, 2)]
     looks += [(28, []), (36, ["off"]), (51, []), (67, [])]
     async with opened(browser, face) as page:
-        said = await page.evaluate(script, looks)
-    assert said[:5] == [[]] * 5, "not before 10 s on end"
-    assert said[5:12] == [["off", "order"]] * 7
-    assert said[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
+        named = await page.evaluate(script, looks)
+    assert named[:5] == [[]] * 5, "not before 10 s on end"
+    assert named[5:12] == [["off", "order"]] * 7
+    assert named[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
 
 
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
@@ -664,7 +664,10 @@ async def test_durations_have_one_rule(browser: "Browser", face: Served) -> None
 
 
 async def test_what_was_acknowledged_is_said_without_its_time(browser: "Browser", face: Served) -> None:
-    sentences = {"summary": "A-0 and A-1 cross in 9 s, in Aisle 3", "headline": "A-0 and A-1 cross, in Aisle 3"}
+    sentences: dict[str, Any] = {
+        "summary": "A-0 and A-1 cross in 9 s, in Aisle 3",
+        "headline": "A-0 and A-1 cross, in Aisle 3",
+    }
     await face.publish(shown(1, 0, 1, **sentences))
     async with opened(browser, face) as page:
         await page.click("#situations .take")
