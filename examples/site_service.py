@@ -15,26 +15,33 @@ import argparse
 import asyncio
 import json
 import os
+import sys
 from pathlib import Path
+
+import httpx
 
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, Severity
 from deconflict_client.client import Client, NoSuchAdvisoryError, PositionLostError
 
 NAME = "site service"
+AGAIN_S = 2.0
 
 
 async def serve(url: str, place: Path) -> None:
     token, authority = os.environ.get("DECONFLICT_TOKEN"), os.environ.get("DECONFLICT_AUTHORITY")
     async with Client(url, token=token, authority=Path(authority) if authority else None) as client:
         while True:
-            if not place.exists():
-                await deal_with_open(client, place)
             try:
+                if not place.exists():
+                    await deal_with_open(client, place)
                 async for advisory in client.follow(after=json.loads(place.read_text())["seq"]):
                     await deal_with(client, advisory)
                     note(place, advisory.seq)
             except PositionLostError:
                 place.unlink()
+            except httpx.HTTPError as error:
+                sys.stderr.write(f"{url} does not answer, it is tried again: {error}\n")
+                await asyncio.sleep(AGAIN_S)
 
 
 async def deal_with_open(client: Client, place: Path) -> None:

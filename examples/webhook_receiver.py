@@ -1,8 +1,9 @@
 """A receiver of webhooks that accepts only what the service has signed. It needs Python's standard library alone.
 
-    DECONFLICT_SECRET=shared-secret python examples/webhook_receiver.py 9000
+    DECONFLICT_SECRET=replace-this-secret python examples/webhook_receiver.py 9000
 
-It prints one line for each revision. `DECONFLICT_SECRET` is the secret of the webhook in the site file.
+It prints one line for each revision. `DECONFLICT_SECRET` is the secret of the webhook in the site file, of
+at least 16 characters.
 """
 
 import argparse
