@@ -227,7 +227,7 @@ class ProbabilityEstimator:
         contact = self.contact.estimate(contact_features(features), vendors).probability
         features[:, TOUCHING] = pairs["features"][rows, TOUCHING] = log_odds(contact)
         estimate = self.calibration.estimate(features, vendors)
-        for name, column in zip(ESTIMATED, (*estimate, np.minimum(contact, estimate.probability)), strict=True):
+        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
             pairs[name][rows] = column * present
 
     def probabilities(self) -> list[tuple[Pair, float]]:

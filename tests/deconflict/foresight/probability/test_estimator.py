@@ -19,15 +19,6 @@ def test_the_probability_of_crossing_robots_rises_as_they_come_nearer() -> None:
     assert course[-1] > 0.9
 
 
-def test_contact_is_never_more_probable_than_getting_in_each_others_way() -> None:
-    stage = Stage({"a": Walk((0.0, -12.0), (0.0, 1.0)), "b": Walk((-12.0, 0.4), (1.0, 0.0))})
-    for second in range(12):
-        stage.second(second)
-        contact = dict(stage.foresight.contact_probabilities())
-        assert all(contact[pair] <= value for pair, value in stage.foresight.probabilities())
-    assert contact
-
-
 def test_robots_that_never_come_near_are_not_watched() -> None:
     by_step = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 30.0), (1.0, 0.0))}).run(12)
     assert all(values == {} for values in by_step)
