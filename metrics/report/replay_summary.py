@@ -38,15 +38,15 @@ def first_sentences(result: Part) -> str:
 
 
 def findings(result: Part, site: Site = DEFAULT) -> Iterator[str]:
-    """What was lost, other outcomes of warnings, situations, the worst pair of vendors and place, and the nearest
+    """Other outcomes of warnings, what was lost, situations, the worst pair of vendors and place, and the nearest
     moment."""
-    yield from _lost(result)
     alerts = result["scores"][0]["warnings"]
     others = [f"{alerts[key]:,} {text}" for key, text in NOT_JUDGED.items() if alerts[key]]
     if others:
         yield f"Of those not judged, {', '.join(others)}."
     if ahead := WarningQuality.of(alerts).ahead_by_s:
         yield f"Half of the times that were warned of had the warning {ahead['median']:.1f} s ahead or earlier."
+    yield from _lost(result)
     if result["situations"]["situations"]:
         yield _situations(result["situations"])
     pairs = [row for row in alerts["by_vendor_pair"] if row["in_vain"]]
