@@ -279,7 +279,7 @@ class Receiver:
     def _vendor_of(self, connection: ServerConnection, request: Request) -> str | Refusal | None:
         origins, hosts = request.headers.get_all("Origin"), request.headers.get_all("Host")
         is_foreign = is_cross_site if self._credentials.needed else is_page_elsewhere
-        fetched = not origins and any(map(is_fetched_elsewhere, request.headers.get_all("Sec-Fetch-Site")))
+        fetched = is_fetched_elsewhere(origins, request.headers.get_all("Sec-Fetch-Site"))
         if fetched or any(is_foreign(origin, "".join(hosts)) for origin in origins):
             return Refusal(403, "another-site", "pages of other sites may not speak for robots")
         encrypted = connection.transport.get_extra_info("ssl_object")

@@ -5,6 +5,7 @@ it mean this machine (DNS rebinding), so equal names prove nothing. `localhost` 
 """
 
 import ipaddress
+from collections.abc import Sequence
 from urllib.parse import urlsplit
 
 
@@ -35,12 +36,12 @@ def host_of(header: str) -> str:
         return ""
 
 
-def is_fetched_elsewhere(fetched_by: str | None) -> bool:
-    """Whether a browser says by `Sec-Fetch-Site` that a page of another site makes the request.
+def is_fetched_elsewhere(origins: Sequence[str], fetched_by: Sequence[str]) -> bool:
+    """Whether a browser says by `Sec-Fetch-Site` alone that a page of another site makes the request.
 
-    It says so also where it sends no `Origin`: for images, scripts, frames and forms that only read.
+    It sends no `Origin` for images, scripts, frames and forms that only read.
     """
-    return (fetched_by or "").strip().lower() == "cross-site"
+    return not origins and any(value.strip().lower() == "cross-site" for value in fetched_by)
 
 
 def is_cross_site(origin: str, host: str) -> bool:

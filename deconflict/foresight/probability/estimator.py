@@ -59,7 +59,7 @@ DISTRUSTED = 2.0
 
 PAIR_FIELDS = frozenset(PAIR.names or ())
 ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
-"""Fields of `PAIR` that are estimated: those of `Estimate` in its order, then the probability of contact."""
+"""Fields of `PAIR` that are estimated: those of `Estimate` in its order, then that of contact, at most the first."""
 
 
 class ProbabilityEstimator:
@@ -227,7 +227,7 @@ class ProbabilityEstimator:
         contact = self.contact.estimate(contact_features(features), vendors).probability
         features[:, TOUCHING] = pairs["features"][rows, TOUCHING] = log_odds(contact)
         estimate = self.calibration.estimate(features, vendors)
-        for name, column in zip(ESTIMATED, (*estimate, contact), strict=True):
+        for name, column in zip(ESTIMATED, (*estimate, np.minimum(contact, estimate.probability)), strict=True):
             pairs[name][rows] = column * present
 
     def probabilities(self) -> list[tuple[Pair, float]]:

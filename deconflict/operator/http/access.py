@@ -143,7 +143,8 @@ class AccessMiddleware:
         headers, path = Headers(scope=scope), scope["path"]
         method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
         if _is_cross_site(headers) or (
-            _is_without_origin_elsewhere(headers) and not _is_followed_link(method, headers)
+            is_fetched_elsewhere(headers.getlist("origin"), headers.getlist("sec-fetch-site"))
+            and not _is_followed_link(method, headers)
         ):
             return _refused(403, "pages of other sites may not use this service")
         if not self._people:
@@ -228,10 +229,6 @@ def _is_cross_site(headers: Headers) -> bool:
         return origin is not None and urlsplit(origin).netloc != headers.get("host")
     except ValueError:
         return True
-
-
-def _is_without_origin_elsewhere(headers: Headers) -> bool:
-    return "origin" not in headers and any(map(is_fetched_elsewhere, headers.getlist("sec-fetch-site")))
 
 
 def _is_followed_link(method: str, headers: Headers) -> bool:

@@ -19,6 +19,21 @@ def test_the_probability_of_crossing_robots_rises_as_they_come_nearer() -> None:
     assert course[-1] > 0.9
 
 
+def test_contact_is_never_more_probable_than_getting_in_each_others_way() -> None:
+    walks = {
+        "b": Walk((-12.0, 0.0), (1.0, 0.0)),
+        "a": Walk((0.0, -12.0), (0.0, 1.0)),
+        "c": Walk((4.0, 0.0), (0.0, 0.0)),
+    }
+    stage, compared = Stage(walks), 0
+    for t_s in range(12):
+        probabilities = stage.second(t_s)
+        for pair, contact in stage.foresight.contact_probabilities():
+            compared += 1
+            assert contact <= probabilities[pair]
+    assert compared > 12
+
+
 def test_robots_that_never_come_near_are_not_watched() -> None:
     by_step = Stage({"a": Walk((0.0, 0.0), (1.0, 0.0)), "b": Walk((0.0, 30.0), (1.0, 0.0))}).run(12)
     assert all(values == {} for values in by_step)
