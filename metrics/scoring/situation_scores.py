@@ -44,7 +44,7 @@ class SituationCase:
     first_robots: tuple[str, ...] = ()
     """Those that were listed when it was raised."""
     is_changed: bool = False
-    """Whether it is about robots, and lists none of the first any more."""
+    """Whether it is about robots, and lists fewer of its subject's than an advisory on it has."""
     listed: dict[str, list[TimeSpan]] = field(default_factory=dict)
     """By robot, when it was listed; the last span ends at inf while it is."""
     advisories: set[str] = field(default_factory=set)
@@ -64,8 +64,8 @@ class SituationCase:
         if is_cleared:
             self.cleared_s = at_s
         self.first_robots = self.first_robots or robots
-        is_of_robots = bool(robots) and not revision.subject_place
-        self.is_changed |= is_of_robots and set(self.first_robots).isdisjoint(robots)
+        subject = set(revision.subject_robots)
+        self.is_changed |= bool(robots) and len(subject.intersection(robots)) < min(len(subject), 2)
 
     def pairs(self) -> Iterator[tuple[Pair, TimeSpan]]:
         """Each two of its robots that were listed together, and when: a span each time."""

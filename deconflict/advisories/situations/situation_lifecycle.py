@@ -211,6 +211,9 @@ class SituationLifecycle:
             self._forget(watched)
         if not is_worth(stakes):
             return None
+        if _waits(watched.group, stakes, now_s):
+            watched.look_s = min(watched.look_s, watched.group.began_s + OVER_S)
+            return None
         watched.last_s = watched.held_s = now_s
         watched.group.open(Subject.of(matter_of(advisories)))
         assessment = self._assessed(watched, advisories, stakes, now_s)
@@ -224,8 +227,8 @@ class SituationLifecycle:
         watched.urgency = _urgency(watched, urgency_of_stakes(stakes, watched.urgency if before else None), now_s)
         robots = situation_fields.listed_robots(advisories)
         busy = self._advised.busy(watched.group.id, watched.urgency, robots)
-        has, members = watched.group.subject.has, watched.group.members
-        about = {name for name in members if has(members[name])}
+        concerns, members = watched.group.subject.concerns, watched.group.members
+        about = {name for name in members if concerns(members[name])}
         assessment = situation_fields.assessed(
             before, watched.possible, advisories, about, robots, stakes, watched.urgency, busy, now_s
         )
@@ -258,6 +261,12 @@ class SituationLifecycle:
 def is_worth(stakes: Stakes) -> bool:
     """Whether a reaction is worth it."""
     return stakes.service_prevents_s >= WORTH_S or stakes.claim_severity is not Severity.CAUTION
+
+
+def _waits(group: Group, stakes: Stakes, now_s: float) -> bool:
+    """Whether what has left a situation is not another one yet: its card is still there, and people can do nothing."""
+    is_calm = urgency_of_stakes(stakes, None) is Severity.CAUTION
+    return is_calm and group.split_from is not None and 0.0 <= now_s - group.began_s < OVER_S
 
 
 def _urgency(watched: _Watched, urgency: Severity, now_s: float) -> Severity:
@@ -303,7 +312,8 @@ def _restored_group(situation: Situation, members: dict[str, Member]) -> Group:
     group = Group(situation.id, situation.since_at.timestamp(), datum, situation.split_from)
     group.box = Box().including(x_m, y_m)
     robots = situation.subject_robots or (() if situation.subject_place else situation.robots)
-    group.open(Subject(situation.subject_place, frozenset(robots), situation.subject_is_ring))
+    is_place, is_ring = bool(situation.subject_place), situation.subject_is_ring
+    group.open(Subject(situation.subject_place) if is_place else Subject.of_robots(robots, is_ring=is_ring))
     for advisory_id, member in members.items():
         group.add(advisory_id, member)
     return group

@@ -1,9 +1,8 @@
 """What a situation is about: a place, or robots in each other's way. Pure.
 
 A queue, a crowd and a claim are about their place or their vendors, and their robots change. If a robot stands or is
-silent in the way of others, the situation is about that robot, whoever comes. All else is about the robots of one
-advisory: those of a meeting while one of them is in the way of any other, and those of a ring while two of them are in
-each other's way.
+silent in the way of others, the situation is about that robot, whoever comes. All else is about the robots of a
+meeting, a knot or a ring, while two of them are in each other's way.
 """
 
 from collections.abc import Iterable
@@ -63,6 +62,8 @@ class Subject(NamedTuple):
     robots: frozenset[str] = frozenset()
     is_ring: bool = False
     """Whether the cause is that they wait for each other."""
+    least_shared: int = 1
+    """An advisory about it has so many of its robots."""
 
     @classmethod
     def of(cls, matter: Matter) -> "Subject":
@@ -70,8 +71,14 @@ class Subject(NamedTuple):
         principal = Member.of(matter.principal)
         if principal.place:
             return cls(principal.place)
-        robots = {matter.culprit} if matter.culprit else principal.robots
-        return cls("", frozenset(sorted(robots)[:MOST_ROBOTS]), matter.kind == "deadlock")
+        robots = {robot for advisory in matter.advisories for robot in Member.of(advisory).robots}
+        return cls.of_robots([matter.culprit] if matter.culprit else robots, is_ring=matter.kind == "deadlock")
+
+    @classmethod
+    def of_robots(cls, robots: Iterable[str], *, is_ring: bool) -> "Subject":
+        """One robot in the way of others, or robots in each other's way."""
+        listed = frozenset(sorted(robots)[:MOST_ROBOTS])
+        return cls("", listed, is_ring, min(len(listed), 2))
 
     @classmethod
     def of_members(cls, members: Iterable[Member]) -> "Subject":
@@ -84,4 +91,9 @@ class Subject(NamedTuple):
         """Whether an advisory is about it."""
         if self.place or member.place:
             return self.place == member.place
-        return len(self.robots & member.robots) > self.is_ring
+        return len(self.robots & member.robots) >= self.least_shared
+
+    def concerns(self, member: Member) -> bool:
+        """Whether its sentence tells of an advisory: it is about it, or a conflict of one of its robots."""
+        is_shared = member.is_conflict and not self.is_ring and not self.robots.isdisjoint(member.robots)
+        return self.has(member) or is_shared

@@ -32,17 +32,15 @@ def test_a_situation_is_about_what_people_are_asked_to_end() -> None:
 
 def test_the_sentence_stays_as_long_as_its_order() -> None:
     situations = lifecycle()
-    locked = head_on("ab", 20.0, recommendation=advice(action("a", "back_out", where="of Aisle 3")))
-    (before,) = situations.revise(NOW_S, [locked])
-    blocked = blockage("acde")
-    situations.revise(
-        NOW_S + UPDATE_GAP_S, [blocked, locked.cleared_revision(NOW_S + UPDATE_GAP_S, ClearedCode.PASSED, "they drive")]
-    )
+    met = head_on("ab", 20.0, recommendation=advice(action("a", "back_out", where="of Aisle 3")))
+    (before,) = situations.revise(NOW_S, [met])
+    later_s = NOW_S + UPDATE_GAP_S
+    situations.revise(later_s, [deadlock("ab"), met.cleared_revision(later_s, ClearedCode.PASSED, "they drive")])
     (after,) = situations.open()
     assert after.advice == before.advice
     assert (after.situation_kind, after.summary) == (before.situation_kind, before.summary)
     situations.revise(NOW_S + 3 * UPDATE_GAP_S, [])
-    assert [each.situation_kind for each in situations.open()] == ["blocked_aisle"]
+    assert [each.situation_kind for each in situations.open()] == ["deadlock"]
 
 
 def test_the_time_of_a_situation_is_that_of_its_sentence() -> None:

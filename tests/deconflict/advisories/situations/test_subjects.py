@@ -11,9 +11,12 @@ from deconflict_client.advisory import AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
+    action,
+    advice,
     blockage,
     conflict,
     deadlock,
+    head_on,
     lifecycle,
     queue,
     raised,
@@ -94,20 +97,48 @@ def test_what_goes_on_when_the_subject_is_over_is_another_situation() -> None:
     situations.revise(NOW_S + 1, [near])
     assert parts(situations) == {("conflict ab", "conflict cd")}
     situations.revise(NOW_S + 5, [])
-    other = next(each for each in situations.revise(NOW_S + 6, [ended(first, NOW_S + 6)]) if each.id != whole.id)
-    assert (other.split_from, other.subject_robots) == (whole.id, ("c", "d"))
-    cleared = by_id(situations.revise(NOW_S + 6 + OVER_S, []))[whole.id]
+    situations.revise(NOW_S + 6, [ended(first, NOW_S + 6)])
+    later = by_id(situations.revise(NOW_S + 6 + OVER_S, []))
+    (other,) = later.keys() - {whole.id}
+    assert (later[other].split_from, later[other].subject_robots) == (whole.id, ("c", "d"))
+    cleared = later[whole.id]
     assert cleared.summary.startswith("Robot a and Robot b were about to get in each other's way")
     assert cleared.cleared_code is ClearedCode.PASSED
 
 
-def test_a_situation_that_is_over_names_more_than_one_robot_of_its_subject_or_all() -> None:
+def test_a_meeting_stays_that_of_its_two_robots_while_one_of_them_meets_a_third() -> None:
     situations, first, after = lifecycle(), conflict("ab", left_s=60.0), conflict("bc", left_s=60.0)
     (whole,) = situations.revise(NOW_S, [first])
-    situations.revise(NOW_S + 1, [after, ended(first, NOW_S + 1)])
-    situations.revise(NOW_S + 5, [ended(after, NOW_S + 5)])
-    cleared = by_id(situations.revise(NOW_S + 5 + OVER_S, []))[whole.id]
-    assert cleared.summary.startswith("Robot b and Robot c were about to get in each other's way")
+    situations.revise(NOW_S + 1, [after])
+    (both,) = situations.open()
+    assert (both.id, both.situation_kind, both.subject_robots) == (whole.id, "knot", ("a", "b"))
+    over, later = (by_id(situations.revise(NOW_S + 5 + s, [ended(first, NOW_S + 5)])) for s in (0, OVER_S))
+    (other,) = later.keys() - {whole.id}
+    assert (later[other].split_from, later[other].subject_robots) == (whole.id, ("b", "c"))
+    assert later[whole.id].cleared_code is ClearedCode.PASSED
+    assert later[whole.id].names == over[whole.id].names
+
+
+def test_a_knot_goes_on_while_two_of_its_robots_are_in_each_others_way() -> None:
+    situations, sides = lifecycle(), [conflict(pair, left_s=60.0) for pair in ("ab", "bc", "ac")]
+    (knot,) = situations.revise(NOW_S, sides)
+    situations.revise(NOW_S + 5, [ended(sides[0], NOW_S + 5), ended(sides[1], NOW_S + 5), conflict("cd", left_s=60.0)])
+    (after,) = situations.open()
+    assert (after.id, after.subject_robots) == (knot.id, ("a", "b", "c"))
+    situations.revise(NOW_S + 9, [ended(sides[2], NOW_S + 9)])
+    assert parts(situations) == {()}
+    situations.revise(NOW_S + 9 + OVER_S, [])
+    assert parts(situations) == {("conflict cd",)}
+
+
+@pytest.mark.parametrize(("left_s", "is_urgent"), [(60.0, False), (20.0, True)])
+def test_what_goes_on_waits_until_the_card_before_is_gone_unless_it_is_urgent(left_s: float, is_urgent: bool) -> None:
+    near = head_on("cd", left_s, recommendation=advice(action("c", "back_out", where="of Aisle 3")))
+    situations, first = lifecycle(), conflict("ab", left_s=60.0)
+    (whole,) = situations.revise(NOW_S, [first])
+    situations.revise(NOW_S + 1, [near])
+    at_once, later = (by_id(situations.revise(NOW_S + 6 + s, [ended(first, NOW_S + 6)])) for s in (0, OVER_S - 0.1))
+    assert len({*at_once, *later} - {whole.id}) == is_urgent
 
 
 def test_a_knot_counts_the_robots_that_it_lists() -> None:
@@ -167,4 +198,6 @@ def test_a_subject_stays_over_a_restart() -> None:
     after.restore([Situation.model_validate_json(each.model_dump_json()) for each in before.open()], [first, near])
     after.revise(NOW_S + 5, [])
     after.revise(NOW_S + 6, [ended(first, NOW_S + 6)])
-    assert {each.subject_robots: each.split_from for each in after.open()} == {("a", "b"): None, ("c", "d"): whole.id}
+    assert [each.subject_robots for each in after.open()] == [("a", "b")]
+    after.revise(NOW_S + 6 + OVER_S, [])
+    assert {each.subject_robots: each.split_from for each in after.open()} == {("c", "d"): whole.id}
