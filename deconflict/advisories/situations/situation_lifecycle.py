@@ -211,14 +211,18 @@ class SituationLifecycle:
             self._forget(watched)
         if not is_worth(stakes):
             return None
-        if _waits(watched.group, stakes, now_s):
-            watched.look_s = min(watched.look_s, watched.group.began_s + OVER_S)
+        if self._is_told_as_over(watched.group) and urgency_of_stakes(stakes, None) is Severity.CAUTION:
             return None
         watched.last_s = watched.held_s = now_s
         watched.group.open(Subject.of(matter_of(advisories)))
         assessment = self._assessed(watched, advisories, stakes, now_s)
         spot = self._spot(assessment.matter.principal.location)
         return situation_fields.raised(watched.group, assessment, spot, now_s)
+
+    def _is_told_as_over(self, group: Group) -> bool:
+        """Whether the situation that a group left has nothing more in it, and its card is still there."""
+        before = self._watched.get(group.split_from or "")
+        return before is not None and before.situation is not None and not before.group.members
 
     def _assessed(
         self, watched: _Watched, advisories: Sequence[AnyAdvisory], stakes: Stakes, now_s: float
@@ -261,12 +265,6 @@ class SituationLifecycle:
 def is_worth(stakes: Stakes) -> bool:
     """Whether a reaction is worth it."""
     return stakes.service_prevents_s >= WORTH_S or stakes.claim_severity is not Severity.CAUTION
-
-
-def _waits(group: Group, stakes: Stakes, now_s: float) -> bool:
-    """Whether what has left a situation is not another one yet: its card is still there, and people can do nothing."""
-    is_calm = urgency_of_stakes(stakes, None) is Severity.CAUTION
-    return is_calm and group.split_from is not None and 0.0 <= now_s - group.began_s < OVER_S
 
 
 def _urgency(watched: _Watched, urgency: Severity, now_s: float) -> Severity:

@@ -137,6 +137,7 @@ def test_what_goes_on_waits_until_the_card_before_is_gone_unless_it_is_urgent(le
     situations, first = lifecycle(), conflict("ab", left_s=60.0)
     (whole,) = situations.revise(NOW_S, [first])
     situations.revise(NOW_S + 1, [near])
+    situations.revise(NOW_S + 6, [])
     at_once, later = (by_id(situations.revise(NOW_S + 6 + s, [ended(first, NOW_S + 6)])) for s in (0, OVER_S - 0.1))
     assert len({*at_once, *later} - {whole.id}) == is_urgent
 
