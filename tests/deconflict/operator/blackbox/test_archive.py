@@ -22,7 +22,7 @@ def shelf(tmp_path: Path) -> Archive:
 )
 def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Archive, bounds: dict[str, int | str]) -> None:
     boxes = [put(shelf, number) for number in range(1, 5)]
-    gone = shelf.prune(**bounds)  # type: ignore[arg-type]
+    gone = shelf.prune(**bounds, latest="2027")  # type: ignore[arg-type]
     assert sorted(gone) == [box["file"] for box in boxes[:2]]
     assert shelf.boxes() == boxes[2:]
     assert [shelf.path(box["file"]) is None for box in boxes] == [True, True, False, False]
@@ -48,16 +48,16 @@ def test_vendors_with_many_near_misses_push_out_no_boxes_of_others(
 ) -> None:
     for number, (each, size) in enumerate(zip(pairs.split(), sizes, strict=True), 1):
         put(shelf, number, int(size), 2026, *each.split(","))
-    shelf.prune(**bounds, before="")
+    shelf.prune(**bounds, before="", latest="2027")
     assert numbers(shelf) == left
 
 
 def test_a_box_is_still_verified_by_the_hash_of_a_removed_neighbour(shelf: Archive) -> None:
     boxes = [put(shelf, number, 1, 2026, pair) for number, pair in enumerate(("AB", "CC", "CC", "CC", "CC"), 1)]
-    shelf.prune(files=3, total_bytes=1000, before="")
+    shelf.prune(files=3, total_bytes=1000, before="", latest="2027")
     assert numbers(shelf) == "145"
     assert shelf.link(boxes[3]["file"]) == (boxes[2]["sha256"], boxes[3]["sha256"])
-    shelf.prune(files=2, total_bytes=1000, before="")
+    shelf.prune(files=2, total_bytes=1000, before="", latest="2027")
     assert shelf.link(boxes[4]["file"]) == (boxes[3]["sha256"], boxes[4]["sha256"])
     assert len((shelf.directory / REGISTER).read_text().splitlines()) <= 4
 
@@ -65,7 +65,7 @@ def test_a_box_is_still_verified_by_the_hash_of_a_removed_neighbour(shelf: Archi
 def test_the_chain_continues_after_every_file_was_removed(shelf: Archive) -> None:
     assert shelf.head() == FIRST_HASH
     last = [put(shelf, number) for number in (1, 2)][-1]
-    shelf.prune(files=1, total_bytes=1, before="")
+    shelf.prune(files=1, total_bytes=1, before="", latest="2027")
     assert (shelf.boxes(), shelf.head()) == ([], last["sha256"])
 
 
