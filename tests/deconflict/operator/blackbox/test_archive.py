@@ -28,6 +28,26 @@ def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Archive, bound
     assert [shelf.path(box["file"]) is None for box in boxes] == [True, True, False, False]
 
 
+@pytest.mark.parametrize(
+    ("years", "before", "left"),
+    [
+        ((2026, 2027, 2026, 2026), "2026-09-24", "4"),
+        ((2026, 2027, 2026, 2026), "2026-09-23", "234"),
+        ((2026, 2026, 2020, 2026), "2026-09-22", "234"),
+        ((2020, 2026, 2020, 2026), "2026-09-22", "234"),
+        ((2026, 2026, 2026, 2027), "2026-09-29", "4"),
+    ],
+)
+def test_boxes_are_old_in_the_order_of_writing_whatever_the_clock_said(
+    shelf: Archive, years: tuple[int, ...], before: str, left: str
+) -> None:
+    """2027 is still to come. What was written after a young box is not old."""
+    for number, year in enumerate(years, 1):
+        put(shelf, number, year=year)
+    shelf.prune(files=9, total_bytes=10_000, before=before, latest="2026-12")
+    assert numbers(shelf) == left
+
+
 def numbers(shelf: Archive) -> str:
     return "".join(box["sha256"][0] for box in shelf.boxes())
 
