@@ -11,11 +11,13 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import msgspec
 
+from ingest.clocks import SteadyClock
 from ingest.plain_files import read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
@@ -61,11 +63,14 @@ class ClockNotes(msgspec.Struct, frozen=True):
     leapt_for_s: float = 0.0
     """How long the service has run since the last leap."""
 
-    def noted(self, clock_s: float, ran_s: float) -> "ClockNotes":
-        """With a further note, after the service has run for a time. A note adds one hour at most."""
+    def noted(self, clock_s: float, ran_s: float, own_s: float = inf) -> "ClockNotes":
+        """With a further note, after the service has run for a time. A note adds one hour at most.
+
+        `own_s` is the service's own time, which its data has. It stays behind if the clock is set ahead meanwhile.
+        """
         hours_s, since_s = self.hours_s, self.since_s + min(ran_s, HOUR_S)
         if since_s >= HOUR_S:
-            hours_s, since_s = (*hours_s, clock_s)[-HOURS:], since_s - HOUR_S
+            hours_s, since_s = (*hours_s, min(clock_s, own_s))[-HOURS:], since_s - HOUR_S
         before_leap_s, leapt_for_s = self._leap(clock_s, ran_s)
         return ClockNotes(hours_s, since_s, clock_s, before_leap_s, leapt_for_s)
 
@@ -113,10 +118,10 @@ class ClockFile:
 
     def keep(self, stop: threading.Event, steady: Callable[[], float] = time.monotonic) -> None:
         """Note the clock at once, every minute, and at the end. May wait for the disk, so it needs a thread."""
-        notes, noted_s = self._begun(), steady()
+        notes, noted_s, own = self._begun(), steady(), SteadyClock(self._wall, steady)
         while True:
             is_last, now_s = stop.is_set(), steady()
-            before, notes = notes, notes.noted(self._wall(), now_s - noted_s)
+            before, notes = notes, notes.noted(self._wall(), now_s - noted_s, own())
             noted_s = now_s
             if notes.before_leap_s is not None and before.before_leap_s is None:
                 log.warning("%s", clock_sentence(notes, self._wall()))

@@ -191,6 +191,25 @@ def test_the_file_is_kept_from_the_first_note_to_the_last(tmp_path: Path, monkey
     assert NOW_S < ClockFile(tmp_path, lambda: NOW_S + DAY_S).known_time().sure_s <= NOW_S + 2 * HOUR_S
 
 
+def test_data_of_a_clock_that_was_behind_at_the_start_is_not_old_once_the_clock_is_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service's own time goes on, so all that it writes until its next start is of a month ago."""
+    monkeypatch.setattr("ingest.recording.clock_notes.NOTE_EVERY_S", 0.0)
+    stop, ran_s = Event(), 0.0
+
+    def steady() -> float:
+        nonlocal ran_s
+        ran_s += 10 * 60
+        if ran_s > 4 * DAY_S:
+            stop.set()
+        return ran_s
+
+    ClockFile(tmp_path, lambda: NOW_S + ran_s - (MONTH_S if ran_s < DAY_S else 0.0)).keep(stop, steady)
+    known = ClockFile(tmp_path, lambda: NOW_S + ran_s).known_time()
+    assert 0.0 < known.sure_s < NOW_S + 5 * DAY_S - MONTH_S
+
+
 def started(data: Path, clock_s: float) -> ClockNotes:
     stop = Event()
     stop.set()
