@@ -202,7 +202,7 @@ class OperatorSources:
             "preparing": preparation(self._runtime),
             "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),
-            "notice": " ".join(filter(None, [self.notice, self.clock.document().get("reason")])),
+            "notice": " ".join(filter(None, [self.notice, self.clock.notice])),
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
             "fading": presence["fading"],

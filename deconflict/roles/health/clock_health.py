@@ -22,7 +22,16 @@ class ClockHealth:
             self._notes = await asyncio.to_thread(self.file.read)
             await asyncio.sleep(LOOK_EVERY_S)
 
+    @property
+    def notice(self) -> str:
+        """A sentence for people that the page shows."""
+        reason = self._reason()
+        return f"{reason}." if reason else ""
+
     def document(self) -> dict[str, Any]:
         """The part `clock` of the health."""
-        reason = clock_sentence(self._notes, time.time())
+        reason = self._reason()
         return {"status": "degraded", "reason": reason} if reason else {"status": "ok"}
+
+    def _reason(self) -> str:
+        return clock_sentence(self._notes, time.time())

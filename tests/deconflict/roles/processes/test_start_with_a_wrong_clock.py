@@ -1,5 +1,6 @@
 """A service that starts with its clock a month ahead: as it sees it, all of its data is a month old."""
 
+import json
 import os
 import sqlite3
 import time
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.asyncio.client import connect
 
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
@@ -59,6 +61,13 @@ def asks_for_the_clock(health: dict[str, Any]) -> bool:
     return "look at the clock" in (health.get("clock") or {}).get("reason", "")
 
 
+async def page_notice(service: Served) -> str:
+    async with connect(f"{service.face_url.replace('http', 'ws')}/live") as live:
+        while True:
+            if notice := json.loads(await live.recv()).get("health", {}).get("notice"):
+                return str(notice)
+
+
 async def test_a_start_with_the_clock_ahead_removes_nothing_and_one_with_a_confirmed_clock_does(tmp_path: Path) -> None:
     at_s, service = time.time() - AHEAD_DAYS * DAY_S, Served(tmp_path)
     put_data(tmp_path, at_s)
@@ -66,6 +75,7 @@ async def test_a_start_with_the_clock_ahead_removes_nothing_and_one_with_a_confi
     with service.running():
         health = await service.until("/healthz", asks_for_the_clock)
         assert health["status"] == "degraded"
+        assert (await page_notice(service)).startswith(health["clock"]["reason"][:30])
         answer = await service.until("/advisories?state=all", lambda answer: "advisories" in answer)
         assert [advisory["id"] for advisory in answer["advisories"]] == ["advisory-1"]
     assert kinds_left(tmp_path, at_s) == KINDS
