@@ -6,7 +6,7 @@ import socket
 import sqlite3
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -91,7 +91,7 @@ class OperatorRole:
         waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
         self._outlets.renew(self._site.webhooks, self._site.mqtt)
         loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run())
-        files = self._attach_store(), self._store_losses(), self.sources.files.run()
+        files = self._attach_store(), self._store_losses(), self.sources.files.run(), self.sources.clock.run()
         tasks = [asyncio.create_task(loop) for loop in (*loops, *files)]
         self.ready.set()
         try:
@@ -127,17 +127,19 @@ class OperatorRole:
         while True:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
                 pruned_s = time.monotonic()
-                before = datetime.now(UTC) - timedelta(days=self._site.store.keep_days)
-                await self._prune_losses()
-                await self._remove("age", f"cleared before {before}", partial(self._store.prune, before))
+                known = await asyncio.to_thread(self.sources.clock.file.known_time)
+                before = datetime.fromtimestamp(known.before_s(self._site.store.keep_days), UTC)
+                await self._prune_losses(known.sure_s)
+                prune = partial(self._store.prune, before, known.latest_s)
+                await self._remove("age", f"cleared before {before}", prune)
             most_bytes = self._site.store.advisories_bytes
             text = f"that changed longest ago, to keep within store.advisories_bytes = {most_bytes},"
             await self._remove("size", text, partial(self._store.prune_to, most_bytes))
             await asyncio.sleep(MEASURE_SIZE_EVERY_S)
 
-    async def _prune_losses(self) -> None:
+    async def _prune_losses(self, now_s: float) -> None:
         try:
-            await asyncio.to_thread(self._ledger.prune, time.time())
+            await asyncio.to_thread(self._ledger.prune, now_s)
         except (sqlite3.Error, OSError) as error:
             log.warning("old losses can't be removed: %s", error)
 

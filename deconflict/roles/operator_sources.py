@@ -22,6 +22,7 @@ from deconflict.operator.vendor_health import vendor_health
 from deconflict.roles.health.admission_health import admission_document, pairs_document
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.certificate_health import EXPIRES, CertificateHealth
+from deconflict.roles.health.clock_health import ClockHealth
 from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
 from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
@@ -73,7 +74,7 @@ class OperatorSources:
         self.notice = ""
         """A sentence for people that the page shows."""
         self._recording, self.files = RecordingHealth(), FileHealth(data_files(site, data))
-        self.certificates = CertificateHealth()
+        self.certificates, self.clock = CertificateHealth(), ClockHealth(data)
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
@@ -144,6 +145,7 @@ class OperatorSources:
             "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
             "certificates": self.certificates.document(self.history.site, time.time()),
             "supervisor": supervisor_health(self._runtime),
+            "clock": self.clock.document(),
         }
         if not self._is_cluster:
             parts["canary"] = self._engine.canary.document(time.monotonic())
@@ -200,7 +202,7 @@ class OperatorSources:
             "preparing": preparation(self._runtime),
             "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),
-            "notice": self.notice,
+            "notice": " ".join(filter(None, [self.notice, self.clock.notice])),
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
             "fading": presence["fading"],

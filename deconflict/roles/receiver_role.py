@@ -38,6 +38,7 @@ from ingest.port.connection import Connection
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.receiver import Receiver
+from ingest.recording.clock_notes import ClockFile
 from ingest.recording.recorder import Recorder, quantise
 from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import VendorCredentials
@@ -78,7 +79,7 @@ class ReceiverRole:
         self._owners = OwnerFile(log.parent, self.fleet.owners, self.measures)
         if found.messages:
             logger.info("%s", summary(self.fleet, found))
-        self.recorder = Recorder(site.recorder, log, self.measures, self._now_s)
+        self.recorder = Recorder(site.recorder, log, self.measures, self._now_s, ClockFile(log.parent).known_time)
         self.receiver = Receiver(
             site.receiver,
             VendorCredentials(site.vendors),

@@ -22,6 +22,7 @@ MADE_HERE = (
     "owners*",
     "learned*",
     "robots*",
+    "clock*",
     ".*.lock",
     "log",
     "log/*",

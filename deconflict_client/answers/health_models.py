@@ -88,5 +88,6 @@ class ServiceHealth(BaseModel):
     files: FilesHealthPart | None = None
     certificates: CertificatesHealthPart | None = None
     supervisor: PartHealth | None = None
+    clock: PartHealth | None = None
     canary: CanaryHealthPart | None = Field(None, description="null in a cluster")
     site: SiteFileState = SiteFileState()

@@ -12,6 +12,7 @@ from io import FileIO
 from math import inf
 from pathlib import Path
 
+from ingest.recording.clock_notes import KnownTime, old_ones
 from ingest.recording.log_packing import LogPacker
 from ingest.recording.log_segments import PACKED
 from ingest.settings import RecorderSettings
@@ -29,8 +30,14 @@ PATTERN = "log-[0-9]*.jsonl"
 class RotatingLog:
     """The files of one writer in a directory. For one thread only, but other threads may set `settings`."""
 
-    def __init__(self, settings: RecorderSettings, directory: Path, clock: Callable[[], float]) -> None:
-        self.settings, self._directory, self._clock = settings, directory, clock
+    def __init__(
+        self,
+        settings: RecorderSettings,
+        directory: Path,
+        clock: Callable[[], float],
+        known_time: Callable[[], KnownTime],
+    ) -> None:
+        self.settings, self._directory, self._clock, self._known_time = settings, directory, clock, known_time
         self.packer = LogPacker()
         self._file: FileIO | None = None
         self._written, self._released_bytes, self._begun_s = 0, 0, 0.0
@@ -115,18 +122,20 @@ class RotatingLog:
 
     def _remove_old(self, segments: list[Path]) -> dict[Path, int]:
         """Remove segments to which nothing was added for `keep_days`. Returns the others with their sizes in bytes."""
-        before_s, sizes = self._clock() - self.settings.keep_days * DAY_S, {}
+        found: dict[Path, os.stat_result] = {}
         for segment in segments:
             try:
-                status = segment.stat()
+                found[segment] = segment.stat()
             except FileNotFoundError:  # somebody else has removed it
                 continue
             except OSError as error:
                 self._log_once(segment, error)
-                continue
-            if status.st_mtime >= before_s or not self._remove(segment, "it is older than keep_days"):
-                sizes[segment] = status.st_size
-        return sizes
+        time, written_s = self._known_time(), [status.st_mtime for status in found.values()]
+        old = old_ones(written_s, time.before_s(self.settings.keep_days), time.latest_s)
+        for segment in list(found)[:old]:
+            if self._remove(segment, "it is older than keep_days"):
+                del found[segment]
+        return {segment: status.st_size for segment, status in found.items()}
 
     def _remove_oldest(self, sizes: dict[Path, int]) -> None:
         """Remove the oldest of the segments, which have these sizes in bytes as they are stored, until there is room

@@ -43,6 +43,7 @@ from deconflict_client.verbs import Followed
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.recording.clock_notes import KnownTime
 from ingest.recording.log_reader import Received
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
@@ -67,10 +68,16 @@ class Recorder:
     """Writes the log. Lines that can't be written are counted, and the service continues."""
 
     def __init__(
-        self, settings: RecorderSettings, directory: Path, measures: Measures, clock: Callable[[], float]
+        self,
+        settings: RecorderSettings,
+        directory: Path,
+        measures: Measures,
+        clock: Callable[[], float],
+        known_time: Callable[[], KnownTime] = lambda: KnownTime(0.0, 0.0),
     ) -> None:
+        """Nothing is removed for its age without a `known_time`, which may wait for the disk."""
         self._enabled, self._measures = settings.enabled, measures
-        self._files = RotatingLog(settings, directory, clock)
+        self._files = RotatingLog(settings, directory, clock, known_time)
         self._writer = LogWriter(self._files.write, MOST_WAITING_BYTES)
         self._rejected_shares = RejectedShares()
         self._lines: list[bytes] = []

@@ -12,6 +12,7 @@ import msgspec
 
 from deconflict.operator.blackbox.hash_chain import FIRST_HASH
 from ingest.plain_files import read_file
+from ingest.recording.clock_notes import old_ones
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -79,14 +80,14 @@ class Archive:
     def add(self, box: Box) -> None:
         self._write([*self._registered(), box])
 
-    def prune(self, *, files: int, total_bytes: int, before: str) -> list[str]:
-        """Remove boxes that end before a time, and those beyond the limits of count and size. Returns their names.
+    def prune(self, *, files: int, total_bytes: int, before: str, latest: str) -> list[str]:
+        """Remove boxes that are old (`old_ones`), and those beyond the limits of count and size. Returns their names.
 
         Beyond a limit, the oldest box of the pair of vendors with the most boxes goes first, so that no pair of vendors
         can push out the boxes of others.
         """
         boxes = self.boxes()
-        kept = [box for box in boxes if box["until"] >= before]
+        kept = boxes[old_ones([box["until"] for box in boxes], before, latest) :]
         while len(kept) > files:
             kept.remove(_oldest_of_largest_pair(kept, lambda _: 1))
         while sum(map(_bytes, kept)) > total_bytes:

@@ -7,7 +7,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 
 import msgspec
@@ -28,6 +28,7 @@ from deconflict.settings.site import Site
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
 from ingest.plain_files import check_file, read_file
+from ingest.recording.clock_notes import ClockFile
 from ingest.recording.log_reader import ends_s
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
@@ -60,7 +61,7 @@ class Keeper:
 
     def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
         self.site, self._log, self._store, self._measures = site, data / "log", store, measures
-        self.archive = Archive(data / FOLDER)
+        self.archive, self._clock = Archive(data / FOLDER), ClockFile(data)
         self._snapshots: deque[LearnedSnapshot] = deque(maxlen=SNAPSHOTS)
         self._under_way = b""
         """What the engine has under way at the next snapshot."""
@@ -172,10 +173,11 @@ class Keeper:
 
     def _prune(self) -> None:
         settings = self.site.blackbox
-        before = datetime.now(UTC) - timedelta(days=settings.keep_days)
+        known = self._clock.known_time()
+        before, latest = map(timestamps.write, (known.before_s(settings.keep_days), known.latest_s))
         try:
             removed = self.archive.prune(
-                files=settings.files, total_bytes=settings.total_bytes, before=timestamps.write(before.timestamp())
+                files=settings.files, total_bytes=settings.total_bytes, before=before, latest=latest
             )
         except OSError as error:
             log.warning("old black boxes can't be removed: %s", error)

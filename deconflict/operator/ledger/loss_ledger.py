@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
@@ -118,6 +119,8 @@ class LossLedger:
     def __init__(self, directory: Path | None, settings: LossSettings) -> None:
         """Raises `sqlite3.Error` if the file can't be used."""
         self.settings = settings
+        self._added_s = inf
+        """When what was added last began."""
         self._path, self._lock = directory and directory / FILE_NAME, Lock()
         self._read_lock = Lock() if directory else self._lock
         try:
@@ -150,6 +153,7 @@ class LossLedger:
             db.execute("INSERT INTO parcels VALUES (?, ?)", (sender, number))
             db.executemany(ADD, (_row_of(entry) for entry in entries))
             if entries:
+                self._added_s = max(entry.from_s for entry in entries)
                 db.execute(NOTE_BEGIN, (min(entry.from_s for entry in entries),))
 
     def last_parcel(self) -> tuple[str, int]:
@@ -177,14 +181,19 @@ class LossLedger:
         return answer(question, parts, self.settings.cost_per_robot_hour, self.settings.currency, begun_s)
 
     def prune(self, now_s: float) -> int:
-        """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`."""
+        """Remove hours that are older than the settings say, or too many; returns how many. Raises `sqlite3.Error`.
+
+        If they are too many, first those of a wrong clock: they are later than what was added last.
+        """
         before_s, removed = now_s - self.settings.keep_days * DAY_S, 0
         with self._writing() as db:
             while True:
-                (oldest_s,) = db.execute("SELECT MIN(hour_s) FROM losses").fetchone()
-                if oldest_s is None or (oldest_s >= before_s and used_bytes(db) <= self.settings.most_bytes):
+                oldest_s, newest_s = db.execute("SELECT MIN(hour_s), MAX(hour_s) FROM losses").fetchone()
+                is_too_large = used_bytes(db) > self.settings.most_bytes
+                if oldest_s is None or (oldest_s >= before_s and not is_too_large):
                     return removed
-                db.execute("DELETE FROM losses WHERE hour_s = ?", (oldest_s,))
+                is_of_wrong_clock = is_too_large and newest_s > self._added_s + DAY_S
+                db.execute("DELETE FROM losses WHERE hour_s = ?", (newest_s if is_of_wrong_clock else oldest_s,))
                 removed += 1
 
     def _opened(self) -> sqlite3.Connection:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from deconflict.operator.store import tables
 from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict_client.advisory import EVERY_KIND
+from ingest.recording.clock_notes import DAY_S, LATEST_S
 
 STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""
@@ -25,6 +26,12 @@ HELD = f"""EXISTS (SELECT 1 FROM json_each(?) AS outlet
     WHERE outlet.value ->> 0 < a.seq AND outlet.value ->> 1 >= {tables.FIRST_SEQ})"""  # noqa: S608 - a constant
 """Whether an outlet has sent, or may send, the first revision of the advisory `a`, and has not sent the newest. The
 parameter is a JSON array of `OutletReach`."""
+OF_AGE = """SELECT id, revision, kind, seq FROM advisories INDEXED BY cleared_by_age
+    WHERE open = 0 AND updated_s {} ? AND seq <= ? ORDER BY updated_s LIMIT ?"""
+OF_VENDORS = f"""SELECT id, revision, kind, seq FROM advisories AS a INDEXED BY cleared_by_vendors
+    WHERE open = 0 AND vendors = ? AND updated_s {{}} ? AND NOT {HELD} ORDER BY updated_s LIMIT ?"""  # noqa: S608 - a constant
+LAST_WRITTEN = 100
+"""Revisions that say what the time was when something was last written."""
 
 
 class OutletReach(NamedTuple):
@@ -45,11 +52,20 @@ class RemovedAdvisory(NamedTuple):
     seq: int
 
 
-def remove_before(db: sqlite3.Connection, before_s: float) -> int:
-    """Remove up to `STEP` cleared advisories last changed before a time, the oldest first; returns how many."""
-    chosen = """SELECT id, revision, kind, seq FROM advisories INDEXED BY cleared_by_age
-        WHERE open = 0 AND updated_s < ? ORDER BY updated_s LIMIT ?"""
-    return len(_removed(db, chosen, before_s))
+def last_old(db: sqlite3.Connection, before_s: float, latest_s: float) -> int:
+    """The number of the last of the revisions that are old, as of `old_ones`; 0 if none is. Reads little more than
+    these."""
+    scan = "SELECT seq FROM revisions NOT INDEXED WHERE"
+    young = db.execute(f"{scan} updated_s BETWEEN ? AND ? ORDER BY seq LIMIT 1", (before_s, latest_s)).fetchone()
+    bounds = before_s, young[0] if young else maxsize
+    old = db.execute(f"{scan} updated_s < ? AND seq < ? ORDER BY seq DESC LIMIT 1", bounds).fetchone()
+    return int(old[0]) if old else 0
+
+
+def remove_old(db: sqlite3.Connection, before_s: float, latest_s: float, last: int) -> int:
+    """Remove up to `STEP` of the cleared advisories up to the number `last_old`; returns how many."""
+    removed = _removed(db, OF_AGE.format("<"), before_s, last) or _removed(db, OF_AGE.format(">"), latest_s, last)
+    return len(removed)
 
 
 def revisions_by_vendors(db: sqlite3.Connection) -> Counter[str]:
@@ -68,13 +84,14 @@ def remove_of_most(
 
     Advisories on the same vendors count together. So those of one vendor, whomever it meets, displace no others. What
     one of the `outlets` may hold open stays: no more than was open when it stopped, or is raised in the page that it
-    has read.
+    has read. What has a later time than what was written last has that of a wrong clock, and goes first.
     """
-    chosen = f"""SELECT id, revision, kind, seq FROM advisories AS a INDEXED BY cleared_by_vendors
-        WHERE open = 0 AND vendors = ? AND NOT {HELD} ORDER BY updated_s LIMIT ?"""  # noqa: S608 - a constant
+    written_s, held = _written_s(db), json.dumps(outlets)
     while revisions and used_bytes(db) > least_bytes:
         ((vendors, _),) = revisions.most_common(1)
-        removed = _removed(db, chosen, vendors, json.dumps(outlets))
+        removed = _removed(db, OF_VENDORS.format(">"), vendors, written_s, held) or _removed(
+            db, OF_VENDORS.format("<="), vendors, written_s, held
+        )
         if removed:
             revisions[vendors] -= sum(each.revision for each in removed)
             return len(removed)
@@ -88,6 +105,14 @@ def used_bytes(db: sqlite3.Connection) -> int:
         int(db.execute(f"PRAGMA {name}").fetchone()[0]) for name in ("page_count", "freelist_count", "page_size")
     )
     return (pages - free) * page_bytes
+
+
+def _written_s(db: sqlite3.Connection) -> float:
+    """No revision that was written lately is of a later time."""
+    (newest_s,) = db.execute(
+        "SELECT max(updated_s) FROM (SELECT updated_s FROM revisions ORDER BY seq DESC LIMIT ?)", (LAST_WRITTEN,)
+    ).fetchone()
+    return LATEST_S if newest_s is None else float(newest_s) + DAY_S
 
 
 def _removed(db: sqlite3.Connection, chosen: str, *bounds: float | str) -> list[RemovedAdvisory]:

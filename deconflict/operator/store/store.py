@@ -308,13 +308,14 @@ class Store:
                 ordinals[revision.robots] = max(revision.encounter, ordinals.get(revision.robots, 0))
         return sorted(ordinals.items())
 
-    def prune(self, before: datetime) -> int:
-        """Remove cleared advisories last changed before `before`, with every revision; returns how many."""
-        return self._prune(lambda db: pruning.remove_before(db, before.timestamp()))
+    def prune(self, before: datetime, latest_s: float = float("inf")) -> int:
+        """Remove cleared advisories that are old (`pruning.last_old`), with every revision; returns how many."""
+        with self._connections.long_reading() as db:
+            last = pruning.last_old(db, before.timestamp(), latest_s)
+        return self._prune(lambda db: pruning.remove_old(db, before.timestamp(), latest_s, last))
 
     def prune_to(self, most_bytes: int) -> int:
-        """If the file uses more, remove cleared advisories of the vendors with most, the oldest first, until it uses
-        less by `pruning.ROOM`. Returns how many."""
+        """If the file uses more, remove cleared advisories until it uses less by `pruning.ROOM`; returns how many."""
         if self.used_bytes() <= most_bytes:
             return 0
         with self._connections.long_reading() as db:
@@ -329,13 +330,12 @@ class Store:
 
     def _prune(self, remove: Callable[[sqlite3.Connection], int]) -> int:
         """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
-        pruned = 0
-        while True:
+        pruned, removed = 0, 1
+        while removed:
             with self.outlets.removing(self._connections) as db:
                 removed = remove(db)
-            if not removed:
-                return pruned
             pruned += removed
+        return pruned
 
     @contextmanager
     def _file_and_pending(self, *, long: bool = False) -> Iterator[tuple[sqlite3.Connection, PendingWrites]]:

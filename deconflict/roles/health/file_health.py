@@ -16,6 +16,7 @@ from deconflict.runtime.data_lock import LOCKS
 from deconflict.settings.site import Site
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
+from ingest.recording import clock_notes
 from ingest.recording.file_faults import FileKind, file_fault
 
 LOOK_EVERY_S = 2.0
@@ -24,7 +25,8 @@ SILENT_S = 8.0
 REMOVED_SHOWN_S = 30.0
 """That a file was removed is reported for so long, also if it was made anew; of a database, until it is put back."""
 
-FROM_MEMORY = (kept_rows.FILE_NAME, owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME)
+SMALL = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME, clock_notes.FILE_NAME
+FROM_MEMORY = (kept_rows.FILE_NAME, *SMALL)
 """Files that are made anew with all that they had."""
 LOST = "; what it had is missing"
 
@@ -32,14 +34,13 @@ LOST = "; what it had is missing"
 def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
     """What the service keeps there by the settings of its site, the most important first."""
     databases = sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME
-    small = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME
     folders = {"log": site.recorder.enabled, FOLDER: site.keeps_boxes}
     rare = sorted(data.glob(LOCKS))
     if folders[FOLDER]:
         rare += [data / FOLDER / REGISTER, data / FOLDER / PENDING]
     return [
         *((data / name, FileKind.DATABASE) for name in databases),
-        *((data / name, FileKind.FILE) for name in small),
+        *((data / name, FileKind.FILE) for name in SMALL),
         *((data / name, FileKind.FOLDER) for name, is_kept in folders.items() if is_kept),
         *((path, FileKind.RARE_FILE) for path in rare),
     ]

@@ -19,10 +19,11 @@ from deconflict.runtime.data_lock import DataDirectoryError, create_data_directo
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
 from ingest.plain_files import check_database, opened, unfit
+from ingest.recording import clock_notes
 from ingest.recording.log_segments import packed_name, segments
 
 DATABASES = (sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME)
-WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME)
+WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME, clock_notes.FILE_NAME)
 """Files that the service replaces as a whole."""
 LOG = "log"
 

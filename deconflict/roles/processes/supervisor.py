@@ -16,6 +16,7 @@ from deconflict.roles.role_files import ROLES_FILE
 from deconflict.runtime.systemd import READY, STOPPING, Notifier
 from deconflict.settings.hot_reload import Reloader, write
 from deconflict.settings.site import Site
+from ingest.recording.clock_notes import ClockFile
 
 log = logging.getLogger(__name__)
 
@@ -25,6 +26,8 @@ CLUSTER_PARTS = {"face": ("operator", "follower"), "ingest": ("receiver", "feed"
 """The same in a cluster, where each machine runs the parts that its command names."""
 PORTS = {"receiver": "robots connect to ws%s://%s:%s/", "operator": "the page is at http%s://%s:%s/"}
 """The roles that have a network port, and how the log tells people of it."""
+DISK_TIMEOUT_S = 1.0
+"""How long its end waits for the disk."""
 WRITE_EVERY_S = 1.0
 """How often it writes about its roles, so that health can see that it runs."""
 
@@ -44,7 +47,7 @@ class Supervisor:
         """`read` reads the site file again for `Reloader`; None if there is no site file."""
         self._site, self._manager, self._ready = site, manager or Notifier({}), False
         roles = [*chain.from_iterable((CLUSTER_PARTS if site.cluster else PARTS)[part] for part in parts)]
-        self._runtime, self._written_s = runtime, float("-inf")
+        self._runtime, self._written_s, self._clock = runtime, float("-inf"), ClockFile(data)
         self.reloader = Reloader(site, read or (lambda: site), runtime)
         server = [sys.executable, "-P", "-m", "deconflict.roles", str(runtime), str(data), *roles]
         self.fork_server = RoleProcess("fork server", by_command(server))
@@ -52,6 +55,9 @@ class Supervisor:
 
     def run(self, stop: threading.Event) -> None:
         """Keep the roles running until `stop` is set, then end them."""
+        ended = threading.Event()
+        noting = threading.Thread(target=self._clock.keep, args=(ended,), name="clock", daemon=True)
+        noting.start()
         try:
             while not stop.is_set():
                 self.fork_server.ensure(time.monotonic())
@@ -64,9 +70,11 @@ class Supervisor:
                 self._notify_manager()
                 stop.wait(0.1)
         finally:
+            ended.set()
             self._manager.send(STOPPING)
             for process in (*reversed(self.roles), self.fork_server):
                 process.stop()
+            noting.join(DISK_TIMEOUT_S)
 
     def _reload(self) -> None:
         if not self.reloader.is_requested():

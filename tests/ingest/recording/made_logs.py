@@ -4,6 +4,7 @@ from pathlib import Path
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.recording.clock_notes import KnownTime
 from ingest.recording.log_reader import Event, LogReader
 from ingest.recording.recorder import Recorder, quantise
 from ingest.settings import RecorderSettings
@@ -22,10 +23,14 @@ class Clock:
         self.now_s = quantise(self.now_s + 1e-3)
         return self.now_s
 
+    def known(self) -> KnownTime:
+        """That this clock is right."""
+        return KnownTime(self.now_s, self.now_s)
+
 
 def recorder(directory: Path, **settings: int) -> tuple[Recorder, Measures]:
-    measures = Measures()
-    return Recorder(RecorderSettings(**settings), directory, measures, Clock()), measures
+    measures, clock = Measures(), Clock()
+    return Recorder(RecorderSettings(**settings), directory, measures, clock, clock.known), measures
 
 
 def read(*paths: Path) -> tuple[list[Event], int]:

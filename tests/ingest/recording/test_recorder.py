@@ -9,6 +9,7 @@ import pytest
 
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
+from ingest.recording.clock_notes import DAY_S, KnownTime
 from ingest.recording.log_reader import Closed, EngineStarted, Event, Given, Overtaken, Received, Tick
 from ingest.recording.log_rotation import KEPT_BYTES
 from ingest.recording.recorder import FLUSH_BYTES, Recorder, quantise
@@ -238,7 +239,7 @@ def test_segments_rotate_and_the_oldest_go(tmp_path: Path) -> None:
 
 def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path) -> None:
     clock = Clock()
-    writer = Recorder(RecorderSettings(keep_days=2.5), tmp_path, Measures(), clock)
+    writer = Recorder(RecorderSettings(keep_days=2.5), tmp_path, Measures(), clock, clock.known)
     for day in range(6):
         clock.now_s = NOW_S + day * 90_000.0
         for hour in (0, 1):
@@ -251,7 +252,7 @@ def test_a_segment_is_begun_each_day_and_goes_when_it_is_too_old(tmp_path: Path)
     assert [round((tick_s - NOW_S) / 90_000.0, 2) for tick_s in ticks] == [3.0, 3.0, 4.0, 4.0, 5.0, 5.0]
 
 
-@pytest.mark.parametrize(("modified_s", "total_bytes"), [(0.0, 1_000_000), (NOW_S, 10_000)], ids=["age", "size"])
+@pytest.mark.parametrize(("modified_s", "total_bytes"), [(9.0, 1_000_000), (NOW_S, 10_000)], ids=["age", "size"])
 def test_an_old_segment_that_cannot_be_removed_stops_no_recording_and_is_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, modified_s: float, total_bytes: int
 ) -> None:
@@ -275,6 +276,30 @@ def test_an_old_segment_that_cannot_be_removed_stops_no_recording_and_is_logged_
     assert not old.exists()
     (message,) = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
     assert f"{folder} can't be removed" in message
+
+
+@pytest.mark.parametrize(
+    ("known", "limits", "left"),
+    [
+        (KnownTime(0.0, NOW_S), {"keep_days": 2.0}, "12345"),
+        (KnownTime(NOW_S, NOW_S), {"keep_days": 2.0}, "345"),
+        (KnownTime(NOW_S, NOW_S), {"keep_days": 0.5}, ""),
+        (KnownTime(NOW_S, NOW_S), {"keep_days": 2.0, "total_bytes": 45}, "5"),
+    ],
+    ids=["not known", "known", "all old", "size"],
+)
+def test_segments_are_old_in_the_order_of_writing_whatever_the_clock_said(
+    tmp_path: Path, known: KnownTime, limits: dict[str, float], left: str
+) -> None:
+    """The third was written with a clock a month ahead, and the last with one a year behind."""
+    for number, day in enumerate((-4.0, -3.0, 30.0, -1.0, -365.0), 1):
+        path = tmp_path / f"log-{number:017d}.jsonl"
+        path.write_bytes(b" " * 10)
+        os.utime(path, (NOW_S + day * DAY_S, NOW_S + day * DAY_S))
+    writer = Recorder(RecorderSettings(segment_bytes=30, **limits), tmp_path, Measures(), Clock(), lambda: known)
+    writer.tick(NOW_S)
+    writer.close()
+    assert "".join(str(number) for number in range(1, 6) if any(tmp_path.glob(f"log-{number:017d}.jsonl*"))) == left
 
 
 def test_a_log_of_the_first_release_is_read_to_the_last_line(tmp_path: Path) -> None:

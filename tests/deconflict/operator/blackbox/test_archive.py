@@ -22,10 +22,30 @@ def shelf(tmp_path: Path) -> Archive:
 )
 def test_number_size_and_age_are_bounded_and_the_oldest_go(shelf: Archive, bounds: dict[str, int | str]) -> None:
     boxes = [put(shelf, number) for number in range(1, 5)]
-    gone = shelf.prune(**bounds)  # type: ignore[arg-type]
+    gone = shelf.prune(**bounds, latest="2027")  # type: ignore[arg-type]
     assert sorted(gone) == [box["file"] for box in boxes[:2]]
     assert shelf.boxes() == boxes[2:]
     assert [shelf.path(box["file"]) is None for box in boxes] == [True, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("years", "before", "left"),
+    [
+        ((2026, 2027, 2026, 2026), "2026-09-24", "4"),
+        ((2026, 2027, 2026, 2026), "2026-09-23", "234"),
+        ((2026, 2026, 2020, 2026), "2026-09-22", "234"),
+        ((2020, 2026, 2020, 2026), "2026-09-22", "234"),
+        ((2026, 2026, 2026, 2027), "2026-09-29", "4"),
+    ],
+)
+def test_boxes_are_old_in_the_order_of_writing_whatever_the_clock_said(
+    shelf: Archive, years: tuple[int, ...], before: str, left: str
+) -> None:
+    """2027 is still to come. What was written after a young box is not old."""
+    for number, year in enumerate(years, 1):
+        put(shelf, number, year=year)
+    shelf.prune(files=9, total_bytes=10_000, before=before, latest="2026-12")
+    assert numbers(shelf) == left
 
 
 def numbers(shelf: Archive) -> str:
@@ -48,16 +68,16 @@ def test_vendors_with_many_near_misses_push_out_no_boxes_of_others(
 ) -> None:
     for number, (each, size) in enumerate(zip(pairs.split(), sizes, strict=True), 1):
         put(shelf, number, int(size), 2026, *each.split(","))
-    shelf.prune(**bounds, before="")
+    shelf.prune(**bounds, before="", latest="2027")
     assert numbers(shelf) == left
 
 
 def test_a_box_is_still_verified_by_the_hash_of_a_removed_neighbour(shelf: Archive) -> None:
     boxes = [put(shelf, number, 1, 2026, pair) for number, pair in enumerate(("AB", "CC", "CC", "CC", "CC"), 1)]
-    shelf.prune(files=3, total_bytes=1000, before="")
+    shelf.prune(files=3, total_bytes=1000, before="", latest="2027")
     assert numbers(shelf) == "145"
     assert shelf.link(boxes[3]["file"]) == (boxes[2]["sha256"], boxes[3]["sha256"])
-    shelf.prune(files=2, total_bytes=1000, before="")
+    shelf.prune(files=2, total_bytes=1000, before="", latest="2027")
     assert shelf.link(boxes[4]["file"]) == (boxes[3]["sha256"], boxes[4]["sha256"])
     assert len((shelf.directory / REGISTER).read_text().splitlines()) <= 4
 
@@ -65,7 +85,7 @@ def test_a_box_is_still_verified_by_the_hash_of_a_removed_neighbour(shelf: Archi
 def test_the_chain_continues_after_every_file_was_removed(shelf: Archive) -> None:
     assert shelf.head() == FIRST_HASH
     last = [put(shelf, number) for number in (1, 2)][-1]
-    shelf.prune(files=1, total_bytes=1, before="")
+    shelf.prune(files=1, total_bytes=1, before="", latest="2027")
     assert (shelf.boxes(), shelf.head()) == ([], last["sha256"])
 
 

@@ -24,6 +24,7 @@ from tests.deconflict.operator.blackbox.made_floor import SITE as MADE
 from tests.deconflict.operator.blackbox.made_floor import TICK_S, Floor, crossing, lived, put
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.roles.made_service import SITE, Course, drive, running
+from tests.helpers.made_clock import put_notes
 from tests.helpers.patience import PATIENCE_S
 
 SETTINGS = SITE.model_copy(update={"blackbox": BlackBox(before_s=2.0, after_s=1.0)})
@@ -88,6 +89,7 @@ def test_many_near_misses_of_two_vendors_leave_room_for_those_of_others(tmp_path
 
 async def test_a_near_miss_noted_before_a_restart_is_written_after_it_and_old_boxes_are_removed(tmp_path: Path) -> None:
     (tmp_path / FOLDER).mkdir()
+    put_notes(tmp_path, time.time())
     old = put(Archive(tmp_path / FOLDER), 1, year=2001)
     old_file = tmp_path / FOLDER / old["file"]
     assert old_file.exists()

@@ -103,6 +103,22 @@ def test_hours_are_removed_if_they_are_old_or_too_many(ledger: LossLedger) -> No
     assert ledger.prune(START_S) == 1
 
 
+def test_hours_of_a_wrong_clock_do_not_make_newer_ones_go_first(ledger: LossLedger) -> None:
+    """Those of a clock that was ahead were written earlier; while it is ahead they are the newest."""
+    ahead = QUEUED._replace(from_s=START_S + 30 * DAY_S)
+    ledger.add("engine", 1, [QUEUED])
+    ledger.add("engine", 2, [ahead])
+    ledger.settings = LossSettings(most_bytes=1)
+    removed = list[float]()
+    ledger._db.create_function("note", 1, removed.append)
+    ledger._db.execute("CREATE TEMP TRIGGER removal DELETE ON main.losses BEGIN SELECT note(OLD.hour_s); END")
+    assert ledger.prune(0.0) == 2
+    ledger.add("engine", 3, [ahead])
+    ledger.add("engine", 4, [QUEUED, LATER])
+    assert ledger.prune(0.0) == 3
+    assert [(hour_s - START_S) / HOUR_S for hour_s in removed] == [0.0, 720.0, 720.0, 0.0, 1.0]
+
+
 def test_a_damaged_file_is_set_aside(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_bytes(b"no database at all" * 100)
     with closing(LossLedger(tmp_path, LossSettings())) as opened:

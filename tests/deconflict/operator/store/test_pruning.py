@@ -7,6 +7,7 @@ from datetime import timedelta
 import pytest
 
 from deconflict.operator.store.store import Store
+from deconflict_client.advisory import ConflictAdvisory
 from tests.deconflict.operator.store.reopened_store import reopened
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
 
@@ -31,6 +32,45 @@ def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Stor
     assert again.last_seq() == 5
     assert [advisory.seq for advisory in again.append([made(4)])] == [6]
     again.close()
+
+
+@pytest.mark.parametrize(
+    ("days", "before", "left"),
+    [
+        ((-9, -8, -2, -1), -5, (-2, -1)),
+        ((-9, 900, -8, -1), -5, (-1,)),
+        ((-9, 900, -2, -1), -5, (900, -2, -1)),
+        ((-2, -900, -1, -800), -5, (-2, -900, -1, -800)),
+        ((-9, -2, -900, -1), -5, (-2, -900, -1)),
+    ],
+)
+def test_advisories_are_old_in_the_order_of_writing_whatever_the_clock_said(
+    store: Store, days: tuple[int, ...], before: int, left: tuple[int, ...]
+) -> None:
+    store.append([at(number, day) for number, day in enumerate(days)])
+    store.prune(START + timedelta(days=before), START.timestamp())
+    assert tuple((found.updated_at - START).days for found in store.after(0)) == left
+
+
+@pytest.mark.parametrize(
+    ("days", "left"),
+    [((0, 400, 1, 2), (1, 2)), ((0, 1, 400, 401), (400, 401)), ((0, 1, -400, -399), (-400, -399))],
+    ids=["was ahead", "is ahead", "is behind"],
+)
+def test_the_newest_are_kept_within_a_size_whatever_the_clock_said(
+    store: Store, monkeypatch: pytest.MonkeyPatch, days: tuple[int, ...], left: tuple[int, ...]
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 10)
+    monkeypatch.setattr("deconflict.operator.store.pruning.LAST_WRITTEN", 10)
+    store.append([at(number, days[number // 20]) for number in range(80)])
+    store.prune_to(store.used_bytes() // 2)
+    kept = {(found.updated_at - START).days for found in store.after(0)}
+    assert kept <= set(left)
+
+
+def at(number: int, day: int) -> ConflictAdvisory:
+    """A cleared advisory that says this day."""
+    return cleared(number, 1, updated_at=START + timedelta(days=day), summary="x" * 4_000)
 
 
 def test_pruning_in_steps_removes_all_of_it(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

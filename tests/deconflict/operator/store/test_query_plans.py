@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager
 import pytest
 
 from deconflict.operator.store.listings import ListingFilter, StateFilter
-from deconflict.operator.store.pruning import OutletReach, remove_before, remove_of_most, revisions_by_vendors
+from deconflict.operator.store.pruning import OutletReach, last_old, remove_of_most, remove_old, revisions_by_vendors
 from deconflict.operator.store.store import Store
 from deconflict.operator.store.tables import latest
 from tests.helpers.made_advisories import cleared, made, situation
@@ -29,18 +29,24 @@ def traced(store: Store) -> Iterator[tuple[sqlite3.Connection, list[list[str]]]]
 def test_what_is_removed_is_found_by_the_indices_of_what_is_cleared(store: Store) -> None:
     store.append([cleared(1, 1)])
     with traced(store) as (db, plans):
-        remove_before(db, 1.0)
+        last_old(db, 1.0, 2.0)
+        remove_old(db, 1.0, 2.0, 0)
         remove_of_most(db, 0.0, revisions_by_vendors(db), [OutletReach(0, 0)])
+    held = [
+        "CORRELATED SCALAR SUBQUERY 2",
+        "SCAN outlet VIRTUAL TABLE INDEX 1:",
+        "CORRELATED SCALAR SUBQUERY 1",
+        "SEARCH r USING COVERING INDEX sqlite_autoindex_revisions_1 (id=?)",
+    ]
     assert plans == [
+        ["SCAN revisions"],
+        ["SEARCH revisions USING INTEGER PRIMARY KEY (rowid<?)"],
         ["SEARCH advisories USING INDEX cleared_by_age (updated_s<?)"],
+        ["SEARCH advisories USING INDEX cleared_by_age (updated_s>?)"],
         ["SCAN advisories USING INDEX cleared_by_vendors"],
-        [
-            "SEARCH a USING INDEX cleared_by_vendors (vendors=?)",
-            "CORRELATED SCALAR SUBQUERY 2",
-            "SCAN outlet VIRTUAL TABLE INDEX 1:",
-            "CORRELATED SCALAR SUBQUERY 1",
-            "SEARCH r USING COVERING INDEX sqlite_autoindex_revisions_1 (id=?)",
-        ],
+        ["CO-ROUTINE (subquery-1)", "SCAN revisions", "SEARCH (subquery-1)"],
+        ["SEARCH a USING INDEX cleared_by_vendors (vendors=? AND updated_s>?)", *held],
+        ["SEARCH a USING INDEX cleared_by_vendors (vendors=? AND updated_s<?)", *held],
     ]
 
 
