@@ -27,6 +27,8 @@ DATABASES = ("advisories.db", "losses.db", "robots.db")
 SMALL_FILES = ("owners.json", "learned.npz", "advisories.reserved")
 FOLDERS = ("log", "blackbox")
 DISK = "the whole directory"
+REMOVED = "it was removed or replaced"
+"""As health says it."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,26 @@ def cases() -> Iterator[Case]:
 def said_of(case: Case, health: dict[str, Any]) -> str:
     """What the parts of health say that are not ok and concern the files."""
     parts = {name: health.get(name, {}) for name in ("files", "store", "recording")}
+    if case.fault is not faults.missing:
+        parts["files"] = without_past(parts["files"])
     bad = {name: part for name, part in parts.items() if part.get("status", "ok") != "ok"}
     reasons = [f"{name}: {part.get('reason', part['status'])}" for name, part in bad.items()]
     about = [reason for reason in reasons if case.file == DISK or case.file in reason]
     return "; ".join(about)
+
+
+def without_past(files: dict[str, Any]) -> dict[str, Any]:
+    """The part of health without what was removed before, which is said for ten minutes more."""
+    now = {name: fault for name, fault in files.get("faults", {}).items() if REMOVED not in fault}
+    reason = "; ".join(f"{name}: {fault}" for name, fault in now.items()) or files.get("reason", "")
+    return files | {"reason": reason, "status": "degraded" if now else "ok"} if files.get("faults") else files
+
+
+def is_well(health: dict[str, Any]) -> bool:
+    """Whether nothing is wrong now. What was refused or lost before is said for ten minutes more."""
+    parts = {name: part for name, part in health.items() if isinstance(part, dict) and "status" in part}
+    parts |= {"refused_or_lost": {"status": "ok"}, "files": without_past(parts.get("files", {"status": "unknown"}))}
+    return all(part["status"] == "ok" for part in parts.values()) and "down" not in health.get("roles", {}).values()
 
 
 async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
@@ -150,9 +168,9 @@ async def faulty(case: Case, service: DrilledService) -> tuple[str, float | None
 
 
 async def is_whole(service: DrilledService) -> bool:
-    """Whether health is ok in time after the repair, and a meeting is warned of and stored."""
+    """Whether all is well in time after the repair, and a meeting is warned of and stored."""
     try:
-        await service.health_once(lambda health: health.get("status") == "ok", MENDED_WITHIN_S)
+        await service.health_once(is_well, MENDED_WITHIN_S)
     except TimeoutError:
         return False
     return await service.meet() is not None

@@ -48,7 +48,7 @@ from ingest.measures.measures import Measures
 
 MOST_LISTED = 10_000
 """A floor with 10,000 robots may have a few thousand open advisories. A subscriber needs them all to begin with."""
-RENEWAL_SHOWN = timedelta(minutes=1)
+RENEWAL_SHOWN = timedelta(minutes=10)
 """A database that was begun anew is reported as degraded for this long."""
 
 

@@ -26,7 +26,8 @@ from benchmarks.faulty_files.faults import (
     read_only_disk,
 )
 from deconflict.operator.store.store import Store
-from deconflict.roles.health import file_health, recording_health
+from deconflict.roles import operator_sources
+from deconflict.roles.health import file_health, refusal_health
 from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
 from deconflict.runtime.data_lock import locked as locked_directory
 from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, drive, running
@@ -48,7 +49,8 @@ OTHERS = {name.replace("1", "2"): aside(course) for name, course in CROSSING.ite
 def shortly_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_health, "REMOVED_SHOWN_S", 3.0)
     monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
-    monkeypatch.setattr(recording_health, "DROPPED_SHOWN_S", 3.0)
+    monkeypatch.setattr(refusal_health, "SHOWN_S", 3.0)
+    monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
 
 
 @pytest.fixture(scope="session")

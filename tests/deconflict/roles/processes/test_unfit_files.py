@@ -18,7 +18,8 @@ from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
-from deconflict.roles.health import file_health
+from deconflict.roles import operator_sources
+from deconflict.roles.health import file_health, refusal_health
 from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.runtime.data_lock import locked
 from deconflict.settings.site import LossSettings, Site
@@ -120,6 +121,8 @@ USES: dict[str, Callable[[Path], str | None]] = {
 @pytest.fixture(autouse=True)
 def often_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_health, "REMOVED_SHOWN_S", 3.0)
+    monkeypatch.setattr(refusal_health, "SHOWN_S", 3.0)
+    monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
     monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
 
 
