@@ -11,6 +11,7 @@ from contextlib import suppress
 from io import FileIO
 from math import inf
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 
 from ingest.recording.log_packing import LogPacker
 from ingest.recording.log_segments import PACKED
@@ -124,6 +125,8 @@ class RotatingLog:
             except OSError as error:
                 self._log_once(segment, error)
                 continue
+            if not (S_ISREG(status.st_mode) or S_ISDIR(status.st_mode)):
+                continue  # a pipe or a device is for a person to move away
             if status.st_mtime >= before_s or not self._remove(segment, "it is older than keep_days"):
                 sizes[segment] = status.st_size
         return sizes
