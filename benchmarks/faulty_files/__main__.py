@@ -26,6 +26,12 @@ DISK_MB = 64
 DATABASES = ("advisories.db", "losses.db", "robots.db")
 SMALL_FILES = ("owners.json", "learned.npz", "advisories.reserved")
 FOLDERS = ("log", "blackbox")
+FILES_IN_FOLDERS = (
+    "log/log-00000000000000001.jsonl",
+    "log/log-00000000000000001.jsonl.zst",
+    "blackbox/register.jsonl",
+    "blackbox/pending.json",
+)
 DISK = "the whole directory"
 REMOVED = "it was removed or replaced"
 """As health says it."""
@@ -77,16 +83,26 @@ def cases() -> Iterator[Case]:
             if not is_at_start:
                 yield Case(file, "missing", faults.missing, is_at_start)
             yield Case(file, "a file" if file in FOLDERS else "a directory", faults.blocked, is_at_start)
-            if file not in FOLDERS:
-                yield Case(file, "a pipe", faults.pipe, is_at_start)
-                yield Case(file, "a device", faults.device, is_at_start)
+            yield from others_in_place(file, is_at_start)
             if file in SMALL_FILES:
                 yield Case(file, "huge", faults.huge, is_at_start)
             yield Case(file, "read-only", faults.read_only, is_at_start)
+        for file in FILES_IN_FOLDERS:
+            yield Case(file, "a directory", faults.blocked, is_at_start)
+            yield from others_in_place(file, is_at_start)
+        if is_at_start:
+            yield Case(DATABASES[0], "missing", faults.missing, is_at_start)
         yield Case(DISK, "full", faults.full_disk, is_at_start)
         yield Case(DISK, "missing", faults.missing_disk, is_at_start)
         if is_at_start:
             yield Case(DISK, "read-only", faults.read_only_disk, is_at_start)
+
+
+def others_in_place(file: str, is_at_start: bool) -> Iterator[Case]:
+    """What is neither a file nor a directory has the place of one."""
+    yield Case(file, "a pipe", faults.pipe, is_at_start)
+    yield Case(file, "a device", faults.device, is_at_start)
+    yield Case(file, "a socket", faults.socket_file, is_at_start)
 
 
 def said_of(case: Case, health: dict[str, Any]) -> str:
@@ -111,7 +127,10 @@ def is_well(health: dict[str, Any]) -> bool:
     """Whether nothing is wrong now. What was refused or lost before is said for ten minutes more."""
     parts = {name: part for name, part in health.items() if isinstance(part, dict) and "status" in part}
     parts |= {"refused_or_lost": {"status": "ok"}, "files": without_past(parts.get("files", {"status": "unknown"}))}
-    return all(part["status"] == "ok" for part in parts.values()) and "down" not in health.get("roles", {}).values()
+    return (
+        all(part["status"] in ("ok", "begun anew") for part in parts.values())
+        and "down" not in health.get("roles", {}).values()
+    )
 
 
 async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
@@ -135,8 +154,8 @@ async def drill_running(all_cases: Iterable[Case], template: Path, disk: Path) -
     data = filled(template, disk)
     async with DrilledService(data).running() as service:
         for case in all_cases:
-            if case.file in FOLDERS:
-                (data / case.file).mkdir(exist_ok=True)
+            folder = data / case.file if case.file in FOLDERS else (data / case.file).parent
+            folder.mkdir(exist_ok=True)
             with case.fault(case.path(disk, data)):
                 words, warned_s = await faulty(case, service)
                 if not words and case.fault is faults.missing and case.path(disk, data).exists():

@@ -75,7 +75,8 @@ class OperatorSources:
         self.history = History(site, data / "log")
         self.notice = ""
         """A sentence for people that the page shows."""
-        self._recording, self.files = RecordingHealth(), FileHealth(data_files(site, data))
+        self._recording = RecordingHealth()
+        self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
         self.certificates = CertificateHealth()
         self._refusals = RefusalHealth(since_start=not site.cluster and not restarts(runtime).get("operator"))
 

@@ -198,7 +198,11 @@ class ApiRoutes:
             if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
                 stored["pruned_for_size"] = int(pruned)
             if renewal := self._store.renewal:
-                stored |= {"set_aside": renewal.file, "copied": renewal.salvage.copied, "lost": renewal.salvage.lost}
+                stored |= {
+                    "set_aside": renewal.file or None,
+                    "copied": renewal.salvage.copied,
+                    "lost": renewal.salvage.lost,
+                }
                 if datetime.now(UTC) - renewal.at < RENEWAL_SHOWN:
                     stored |= {"status": "begun anew", "reason": str(renewal)}
             if self._store.outage:

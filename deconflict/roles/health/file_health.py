@@ -29,6 +29,7 @@ until it is put back."""
 FROM_MEMORY = (kept_rows.FILE_NAME, owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME)
 """Files that are made anew with all that they had."""
 LOST = "; what it had is missing, unless you restore a backup"
+NEW_EPOCH = "; the numbers of advisories are a new epoch, so subscribers read again what is open"
 MADE_AT_NEED = (FOLDER,)
 """These are missing until there is something to write: that is no fault for ever."""
 
@@ -52,8 +53,9 @@ def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
 class FileHealth:
     """All times are monotonic."""
 
-    def __init__(self, files: Sequence[tuple[Path, FileKind]]) -> None:
-        self._files = files
+    def __init__(self, files: Sequence[tuple[Path, FileKind]], *, gives_numbers: bool = True) -> None:
+        """`gives_numbers`: advisories are numbered by their database, and not by the stream of a cluster."""
+        self._files, self._gives_numbers = files, gives_numbers
         self._faults: dict[str, str] = {}
         """By name of a file."""
         self._contents: dict[Path, frozenset[str]] = {}
@@ -105,7 +107,8 @@ class FileHealth:
             now = f"written anew since {max(now_s - removed_s, 0.0):.0f} s"
         else:
             now = "not there yet"
-        return now + ("" if name in FROM_MEMORY else LOST)
+        epoch = NEW_EPOCH if name == sqlite_connections.FILE_NAME and self._gives_numbers else ""
+        return now + ("" if name in FROM_MEMORY else LOST) + epoch
 
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
