@@ -26,7 +26,15 @@ DISK_MB = 64
 DATABASES = ("advisories.db", "losses.db", "robots.db")
 SMALL_FILES = ("owners.json", "learned.npz", "advisories.reserved")
 FOLDERS = ("log", "blackbox")
+FILES_IN_FOLDERS = (
+    "log/log-00000000000000001.jsonl",
+    "log/log-00000000000000001.jsonl.zst",
+    "blackbox/register.jsonl",
+    "blackbox/pending.json",
+)
 DISK = "the whole directory"
+REMOVED = "it was removed or replaced"
+"""As health says it."""
 
 
 @dataclass(frozen=True)
@@ -75,25 +83,54 @@ def cases() -> Iterator[Case]:
             if not is_at_start:
                 yield Case(file, "missing", faults.missing, is_at_start)
             yield Case(file, "a file" if file in FOLDERS else "a directory", faults.blocked, is_at_start)
-            if file not in FOLDERS:
-                yield Case(file, "a pipe", faults.pipe, is_at_start)
-                yield Case(file, "a device", faults.device, is_at_start)
+            yield from others_in_place(file, is_at_start)
             if file in SMALL_FILES:
                 yield Case(file, "huge", faults.huge, is_at_start)
             yield Case(file, "read-only", faults.read_only, is_at_start)
+        for file in FILES_IN_FOLDERS:
+            yield Case(file, "a directory", faults.blocked, is_at_start)
+            yield from others_in_place(file, is_at_start)
+        if is_at_start:
+            yield Case(DATABASES[0], "missing", faults.missing, is_at_start)
         yield Case(DISK, "full", faults.full_disk, is_at_start)
         yield Case(DISK, "missing", faults.missing_disk, is_at_start)
         if is_at_start:
             yield Case(DISK, "read-only", faults.read_only_disk, is_at_start)
 
 
+def others_in_place(file: str, is_at_start: bool) -> Iterator[Case]:
+    """What is neither a file nor a directory has the place of one."""
+    yield Case(file, "a pipe", faults.pipe, is_at_start)
+    yield Case(file, "a device", faults.device, is_at_start)
+    yield Case(file, "a socket", faults.socket_file, is_at_start)
+
+
 def said_of(case: Case, health: dict[str, Any]) -> str:
     """What the parts of health say that are not ok and concern the files."""
     parts = {name: health.get(name, {}) for name in ("files", "store", "recording")}
+    if case.fault is not faults.missing:
+        parts["files"] = without_past(parts["files"])
     bad = {name: part for name, part in parts.items() if part.get("status", "ok") != "ok"}
     reasons = [f"{name}: {part.get('reason', part['status'])}" for name, part in bad.items()]
     about = [reason for reason in reasons if case.file == DISK or case.file in reason]
     return "; ".join(about)
+
+
+def without_past(files: dict[str, Any]) -> dict[str, Any]:
+    """The part of health without what was removed before, which is said for ten minutes more."""
+    now = {name: fault for name, fault in files.get("faults", {}).items() if REMOVED not in fault}
+    reason = "; ".join(f"{name}: {fault}" for name, fault in now.items()) or files.get("reason", "")
+    return files | {"reason": reason, "status": "degraded" if now else "ok"} if files.get("faults") else files
+
+
+def is_well(health: dict[str, Any]) -> bool:
+    """Whether nothing is wrong now. What was refused or lost before is said for ten minutes more."""
+    parts = {name: part for name, part in health.items() if isinstance(part, dict) and "status" in part}
+    parts |= {"refused_or_lost": {"status": "ok"}, "files": without_past(parts.get("files", {"status": "unknown"}))}
+    return (
+        all(part["status"] in ("ok", "begun anew") for part in parts.values())
+        and "down" not in health.get("roles", {}).values()
+    )
 
 
 async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
@@ -117,8 +154,8 @@ async def drill_running(all_cases: Iterable[Case], template: Path, disk: Path) -
     data = filled(template, disk)
     async with DrilledService(data).running() as service:
         for case in all_cases:
-            if case.file in FOLDERS:
-                (data / case.file).mkdir(exist_ok=True)
+            folder = data / case.file if case.file in FOLDERS else (data / case.file).parent
+            folder.mkdir(exist_ok=True)
             with case.fault(case.path(disk, data)):
                 words, warned_s = await faulty(case, service)
                 if not words and case.fault is faults.missing and case.path(disk, data).exists():
@@ -150,9 +187,9 @@ async def faulty(case: Case, service: DrilledService) -> tuple[str, float | None
 
 
 async def is_whole(service: DrilledService) -> bool:
-    """Whether health is ok in time after the repair, and a meeting is warned of and stored."""
+    """Whether all is well in time after the repair, and a meeting is warned of and stored."""
     try:
-        await service.health_once(lambda health: health.get("status") == "ok", MENDED_WITHIN_S)
+        await service.health_once(is_well, MENDED_WITHIN_S)
     except TimeoutError:
         return False
     return await service.meet() is not None

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import socket
 import sqlite3
 import subprocess
 from collections.abc import Callable, Iterator
@@ -57,6 +58,22 @@ def pipe(path: Path) -> Iterator[None]:
 def device(path: Path) -> Iterator[None]:
     """A link to a device that has no end."""
     with _replaced(path, lambda place: place.symlink_to("/dev/zero")):
+        yield
+
+
+@contextmanager
+def socket_file(path: Path) -> Iterator[None]:
+    """A socket that a program has left behind."""
+
+    def make(place: Path) -> None:
+        folder = os.open(place.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:  # the address of a socket is at most 107 bytes long
+            with socket.socket(socket.AF_UNIX) as left:
+                left.bind(f"/proc/self/fd/{folder}/{place.name}")
+        finally:
+            os.close(folder)
+
+    with _replaced(path, make):
         yield
 
 

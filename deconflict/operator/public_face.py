@@ -8,12 +8,15 @@ import logging
 import socket
 import sys
 from concurrent.futures import Future
+from functools import partial
 from threading import Thread
 
 from fastapi import FastAPI
 
+from deconflict.operator.http.server.server_protocols import count_refused
 from deconflict.operator.http.server.uvicorn_server import create_server
 from deconflict.settings.site import Site
+from ingest.port.connection_limits import count_failed_accepts
 from ingest.security.certificates import Certificates
 from ingest.security.tokens import SecretError
 
@@ -79,6 +82,7 @@ class PublicFace:
             served.set_exception(error)
 
     async def _serve(self, listener: socket.socket) -> None:
+        count_failed_accepts(partial(count_refused, self._app.state, "face-no-files"))
         refreshing = asyncio.create_task(self._refresh())
         try:
             await self._server.serve([listener])

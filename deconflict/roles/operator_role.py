@@ -58,6 +58,7 @@ class OperatorRole:
         self.sources = OperatorSources(site, runtime, data, engine, self._ledger)
         self._publisher = Publisher(self._store, measures)
         app = create_app(self._publisher, self._store, self.sources, exposition, site)
+        self._face_measures = app.state.measures
         self._face = PublicFace(app, Certificates(site.operator.tls) if site.operator.tls else None)
         self._outlets = Outlets(self._store, self._publisher)
         self._keeper = Keeper(site, data, self._store, self._publisher.measures)
@@ -90,7 +91,8 @@ class OperatorRole:
         serving, another_stream = self._face.serve(listener), self._calls.another_stream
         waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
         self._outlets.renew(self._site.webhooks, self._site.mqtt)
-        loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run())
+        watching = self.sources.watch_refusals((self._publisher.measures, self._face_measures))
+        loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run(), watching)
         files = self._attach_store(), self._store_losses(), self.sources.files.run(), self.sources.clock.run()
         tasks = [asyncio.create_task(loop) for loop in (*loops, *files)]
         self.ready.set()

@@ -4,6 +4,7 @@ import asyncio
 import json
 import sqlite3
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ from deconflict.roles.health.delivery_health import DELAY, DeliveryHealth
 from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from deconflict.roles.health.recording_health import RecordingHealth
+from deconflict.roles.health.refusal_health import RefusalHealth
 from deconflict.roles.role_files import preparation, restarts, role_processes, supervisor_health
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
@@ -41,6 +43,7 @@ HEALTH_TIMEOUT_S = 3.0
 """A receiver that does not answer for this long counts as down."""
 LIVE_QUESTIONS = "unidentified", "senders", "brokers"
 """Questions to the receiver for the page; each answer is a list."""
+REFUSALS_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.1
 RELOAD_TIMEOUT_S = 10.0
 
@@ -73,8 +76,10 @@ class OperatorSources:
         self.history = History(site, data / "log")
         self.notice = ""
         """A sentence for people that the page shows."""
-        self._recording, self.files = RecordingHealth(), FileHealth(data_files(site, data))
+        self._recording = RecordingHealth()
+        self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
         self.certificates, self.clock = CertificateHealth(), ClockHealth(data)
+        self._refusals = RefusalHealth(since_start=not site.cluster and not restarts(runtime).get("operator"))
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
@@ -130,20 +135,21 @@ class OperatorSources:
         up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
         brokers: list[dict[str, Any]] = []
         if receiver is not None:
-            self._recording.note_measures(receiver, time.monotonic())
+            self._recording.note_measures(receiver)
             brokers = await self._listed("brokers")
         positions = positions_document(receiver or [])
         if positions["robots"]:
             positions = positions_document(receiver or [], await self._listed("senders"))
         parts = {
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
-            "recording": self._recording.document(time.monotonic()),
+            "recording": self._recording.document(),
             "admission": admission_document(receiver or []),
             "pairs": pairs_document(self._engine.measures),
             "positions": positions,
             "brokers": brokers_document(brokers),
             "files": self.files.document(time.monotonic(), {LOSSES: self._ledger.outage}),
             "certificates": self.certificates.document(self.history.site, time.time()),
+            "refused_or_lost": self._refusals.document(time.monotonic()),
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
         }
@@ -160,6 +166,16 @@ class OperatorSources:
             **parts,
             "site": {key: results[key] for key in ("problems", "needs_restart")} if results else {},
         }
+
+    async def watch_refusals(self, own: Sequence[Measures]) -> None:
+        """Look again and again at what the roles refuse and lose, until cancelled. `own` are measures of this role."""
+        while True:
+            now_s = time.monotonic()
+            roles = {"operator": [measures.as_document() for measures in own], "engine": self._engine.measures}
+            for role, documents in (roles | {"receiver": await self._receiver_measures() or []}).items():
+                if documents:
+                    self._refusals.note_measures(role, documents, now_s)
+            await asyncio.sleep(REFUSALS_EVERY_S)
 
     async def reload(self) -> dict[str, Any]:
         """Ask the supervisor to read the site file again, and wait for the result."""

@@ -35,6 +35,7 @@ from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures
 from ingest.port.brokers.heard_brokers import HeardBrokers
 from ingest.port.connection import Connection
+from ingest.port.connection_limits import count_failed_accepts
 from ingest.port.dialer import Dialer
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.receiver import Receiver
@@ -142,6 +143,7 @@ class ReceiverRole:
             self.recorder.close()
 
     async def _open_port(self) -> None:
+        count_failed_accepts(partial(self.measures.count, "deconflict_connections_refused_total", "no-files"))
         try:
             await self.receiver.start()
         except OSError as error:

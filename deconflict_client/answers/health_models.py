@@ -37,6 +37,10 @@ class FilesHealthPart(PartHealth):
     faults: dict[str, str] = Field({}, description="by file, why it can't be used, and what to do")
 
 
+class RefusalsHealthPart(PartHealth):
+    notes: list[str] = Field([], description="what was refused or lost and is no fault of the service")
+
+
 class CertificatesHealthPart(PartHealth):
     expires_s: dict[str, float] = Field({}, description="by key of the site file, Unix time of the end")
 
@@ -87,6 +91,7 @@ class ServiceHealth(BaseModel):
     brokers: BrokersHealthPart | None = None
     files: FilesHealthPart | None = None
     certificates: CertificatesHealthPart | None = None
+    refused_or_lost: RefusalsHealthPart | None = Field(None, description="what was refused or lost in ten minutes")
     supervisor: PartHealth | None = None
     clock: PartHealth | None = None
     canary: CanaryHealthPart | None = Field(None, description="null in a cluster")

@@ -1,6 +1,7 @@
 """Limits on the connections of a port: by open files, before a connection is admitted, and by TCP keepalive."""
 
 import asyncio
+import errno
 import logging
 import resource
 import socket as sockets
@@ -105,6 +106,23 @@ def max_open_files() -> int:
     except (ValueError, OSError):
         return soft
     return wanted
+
+
+def count_failed_accepts(failed: Callable[[], None]) -> None:
+    """Call `failed` each time the running event loop can't accept a connection for want of open files: each second."""
+    logged: list[OSError] = []
+
+    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE) and "socket" in context):
+            loop.default_exception_handler(context)
+            return
+        failed()
+        if not logged:
+            logged.append(error)
+            log.error("nobody can connect: %s; raise the limit of open files, this is logged once", error)
+
+    asyncio.get_running_loop().set_exception_handler(handle)
 
 
 def set_options(socket: FrameCuttingConnection) -> None:

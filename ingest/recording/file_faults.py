@@ -11,6 +11,8 @@ from ingest.recording.replaced_file import new_name
 
 LEAST_FREE_BYTES = 1 << 16
 """A disk with less is full."""
+LINES = ".jsonl"
+"""A directory with this suffix has the place of a file; others are nobody's."""
 LOCKED_S = 1.0
 """A database that another program keeps locked for longer is reported."""
 
@@ -36,7 +38,8 @@ def _unfit(path: Path, kind: FileKind) -> str | None:
     if kind is not FileKind.FOLDER:
         return unfit(path) or (unfit(beside, None) if (beside := new_name(path)).is_dir() else None)
     entries = path.iterdir() if path.is_dir() else ()
-    return next((reason for entry in entries if not entry.is_dir() and (reason := unfit(entry, None))), None)
+    wanted = (entry for entry in entries if not entry.is_dir() or LINES in entry.suffixes)
+    return next((reason for entry in wanted if (reason := unfit(entry, None))), None)
 
 
 def _place_fault(path: Path, kind: FileKind) -> str | None:

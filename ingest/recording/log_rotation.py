@@ -11,6 +11,7 @@ from contextlib import suppress
 from io import FileIO
 from math import inf
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 
 from ingest.recording.clock_notes import KnownTime, old_ones
 from ingest.recording.log_packing import LogPacker
@@ -125,11 +126,14 @@ class RotatingLog:
         found: dict[Path, os.stat_result] = {}
         for segment in segments:
             try:
-                found[segment] = segment.stat()
+                status = segment.stat()
             except FileNotFoundError:  # somebody else has removed it
                 continue
             except OSError as error:
                 self._log_once(segment, error)
+                continue
+            if S_ISREG(status.st_mode) or S_ISDIR(status.st_mode):  # a pipe or a device is for a person to move away
+                found[segment] = status
         time, written_s = self._known_time(), [status.st_mtime for status in found.values()]
         old = old_ones(written_s, time.before_s(self.settings.keep_days), time.latest_s)
         for segment in list(found)[:old]:

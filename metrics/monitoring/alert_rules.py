@@ -252,8 +252,8 @@ ALERTING_RULES = (
         f"{level('deconflict_store_renewed')} > 0",
         "0s",
         "ticket",
-        "The database of advisories was damaged",
-        "It was set aside, and a new one begun with what could be read. GET /healthz names the old file.",
+        "The database of advisories was damaged or gone",
+        "A new one was begun with what could be read. GET /healthz says what happened, and names the old file.",
     ),
     AlertingRule(
         "DeconflictCertificateEnds",

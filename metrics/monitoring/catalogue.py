@@ -267,7 +267,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Unix time at which the first certificate of a file ends, by its key in the site file.", "key"
     ),
     "deconflict_store_renewed": gauge(
-        "1 if the database of advisories was damaged, set aside and begun anew since the operator face has started."
+        "1 if the database of advisories was damaged or gone, and begun anew, since the operator face has started."
     ),
     "deconflict_store_failures_total": counter("Attempts to store advisories that failed."),
     "deconflict_recording_failing": gauge("1 while nothing can be recorded; the log of the receiver says why."),

@@ -48,7 +48,7 @@ from ingest.measures.measures import Measures
 
 MOST_LISTED = 10_000
 """A floor with 10,000 robots may have a few thousand open advisories. A subscriber needs them all to begin with."""
-RENEWAL_SHOWN = timedelta(minutes=1)
+RENEWAL_SHOWN = timedelta(minutes=10)
 """A database that was begun anew is reported as degraded for this long."""
 
 
@@ -198,7 +198,11 @@ class ApiRoutes:
             if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
                 stored["pruned_for_size"] = int(pruned)
             if renewal := self._store.renewal:
-                stored |= {"set_aside": renewal.file, "copied": renewal.salvage.copied, "lost": renewal.salvage.lost}
+                stored |= {
+                    "set_aside": renewal.file or None,
+                    "copied": renewal.salvage.copied,
+                    "lost": renewal.salvage.lost,
+                }
                 if datetime.now(UTC) - renewal.at < RENEWAL_SHOWN:
                     stored |= {"status": "begun anew", "reason": str(renewal)}
             if self._store.outage:

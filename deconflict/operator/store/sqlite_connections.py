@@ -14,7 +14,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from deconflict.operator.store.migrations import TABLES, UPGRADES
-from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
+from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers, epoch
 from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
 from ingest.plain_files import UnfitDatabaseError, check_database
@@ -22,6 +22,10 @@ from ingest.plain_files import UnfitDatabaseError, check_database
 log = logging.getLogger(__name__)
 
 FILE_NAME = "advisories.db"
+GONE = (
+    "was gone at the start, although numbers had been given; a new one begins without its advisories, and with the "
+    "numbers of a new epoch; to have them back, stop the service, and put it back or restore a backup"
+)
 BUSY_TIMEOUT_S = 5.0
 RENEW_EVERY_S = 60.0
 """A file that is damaged again within this time is not replaced again: the disk is at fault."""
@@ -35,14 +39,16 @@ class DamagedStoreError(StoreError):
 
 
 class Renewal(NamedTuple):
-    """A damaged file was set aside, and a new one was begun."""
+    """A damaged file was set aside, or it was gone, and a new one was begun."""
 
     at: datetime
     file: str
-    """Name of the damaged file."""
+    """Name of the damaged file; "" if it was gone."""
     salvage: Salvage
 
     def __str__(self) -> str:
+        if not self.file:
+            return f"{FILE_NAME} {GONE}"
         parts = [f"{self.salvage.copied} revisions were copied"]
         if self.salvage.lost:
             parts.append(f"up to {self.salvage.lost} could not be read")
@@ -86,6 +92,10 @@ class SqliteConnections:
         self._note_lock = Lock()
         self._known_seq = 0 if follows_stream else self._reserved.last
         """Every number up to this may be in use; those of revisions that wait for the disk are above it."""
+        if self._reserved.last and not follows_stream and _is_gone(self.path):
+            self._known_seq = max(self._reserved.last, epoch(time.time()))
+            self.renewal = Renewal(datetime.now(UTC), "", Salvage(copied=0, lost=0, is_complete=True))
+            log.error("%s", self.renewal)
         self._begin()
 
     def _begin(self) -> None:
@@ -282,6 +292,16 @@ def begun(db: sqlite3.Connection, begin: str) -> Iterator[sqlite3.Connection]:
         if db.in_transaction:
             db.execute("ROLLBACK")
         raise
+
+
+def _is_gone(path: Path) -> bool:
+    """Whether nothing has the place of a file, or it is empty. False if it can't be known."""
+    try:
+        return path.stat().st_size == 0 and path.is_file()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
 
 
 def _remedy(error: sqlite3.Error) -> str:

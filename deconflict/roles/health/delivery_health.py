@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.roles.health.refusal_health import SHOWN_S
 from deconflict.runtime.set_asides import SET_ASIDE
 from ingest.measures.measures import joined_values
 
 DELAY = "deconflict_delivery_delay_seconds"
 LATE_S = 5.0
 """A longer delay is reported as degraded."""
-SET_ASIDE_SHOWN_S = 60.0
-"""A revision that was set aside is reported as degraded for this long."""
 
 
 class DeliveryHealth:
@@ -57,7 +56,7 @@ class DeliveryHealth:
         reasons = []
         if delay_s > LATE_S:
             reasons.append(f"advisories reach the store {delay_s:.0f} s late")
-        if ago_s < SET_ASIDE_SHOWN_S:
+        if ago_s < SHOWN_S:
             reasons.append(f"a revision was set aside {ago_s:.0f} s ago, and nobody received it; the log names it")
         status = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
         return status | {"delay_s": round(delay_s, 1)}

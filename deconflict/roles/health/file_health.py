@@ -12,6 +12,7 @@ from deconflict.operator.ledger import loss_ledger
 from deconflict.operator.store import learned_file, sqlite_connections
 from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.roles.health.lost_databases import LostDatabases
+from deconflict.roles.health.refusal_health import SHOWN_S
 from deconflict.runtime.data_lock import LOCKS
 from deconflict.settings.site import Site
 from ingest.fleet.owners import owner_file
@@ -22,13 +23,17 @@ from ingest.recording.file_faults import FileKind, file_fault
 LOOK_EVERY_S = 2.0
 SILENT_S = 8.0
 """A disk that answers no look for so long is reported."""
-REMOVED_SHOWN_S = 30.0
-"""That a file was removed is reported for so long, also if it was made anew; of a database, until it is put back."""
+REMOVED_SHOWN_S = SHOWN_S
+"""That a file was removed is reported while it is missing, and for so long after it was written anew; of a database,
+until it is put back."""
 
 SMALL = owner_file.FILE_NAME, learned_file.FILE_NAME, reserved_numbers.FILE_NAME, clock_notes.FILE_NAME
 FROM_MEMORY = (kept_rows.FILE_NAME, *SMALL)
 """Files that are made anew with all that they had."""
-LOST = "; what it had is missing"
+LOST = "; what it had is missing, unless you restore a backup"
+NEW_EPOCH = "; the numbers of advisories are a new epoch, so subscribers read again what is open"
+MADE_AT_NEED = (FOLDER,)
+"""These are missing until there is something to write: that is no fault for ever."""
 
 
 def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
@@ -49,14 +54,15 @@ def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
 class FileHealth:
     """All times are monotonic."""
 
-    def __init__(self, files: Sequence[tuple[Path, FileKind]]) -> None:
-        self._files = files
+    def __init__(self, files: Sequence[tuple[Path, FileKind]], *, gives_numbers: bool = True) -> None:
+        """`gives_numbers`: advisories are numbered by their database, and not by the stream of a cluster."""
+        self._files, self._gives_numbers = files, gives_numbers
         self._faults: dict[str, str] = {}
         """By name of a file."""
         self._contents: dict[Path, frozenset[str]] = {}
         """As of `_content`, of the files that were there at the last look."""
         self._removed_s: dict[str, float] = {}
-        """By name, when a file was seen to be removed."""
+        """By name, when a file was seen to be removed, and was last missing."""
         self._databases = LostDatabases()
         self._looked_s = time.monotonic()
 
@@ -70,7 +76,8 @@ class FileHealth:
         """Look at each file. May wait for the disk."""
         self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
         found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
-        removed_s = dict(self._removed_s)
+        missing = {path.name for path, _ in self._files if path not in found and path.name not in MADE_AT_NEED}
+        removed_s = {name: now_s if name in missing else at_s for name, at_s in self._removed_s.items()}
         for path, before in self._contents.items():
             if path not in found or (before and not before & found[path]):
                 removed_s[path.name] = now_s
@@ -83,7 +90,7 @@ class FileHealth:
     def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:
         """The part `files` of the health. `outages` has by name why a file is not in use, as who uses it knows."""
         faults = {
-            name: "it was removed or replaced, and is made anew" + ("" if name in FROM_MEMORY else LOST)
+            name: f"it was removed or replaced, and is {self._since(name, removed_s, now_s)}"
             for name, removed_s in self._removed_s.items()
             if now_s - removed_s < REMOVED_SHOWN_S
         }
@@ -94,6 +101,15 @@ class FileHealth:
             return {"status": "ok"}
         reason = "; ".join(f"{name}: {fault}" for name, fault in faults.items())
         return {"status": "degraded", "reason": reason, "faults": faults}
+
+    def _since(self, name: str, removed_s: float, now_s: float) -> str:
+        """What has become of a removed file."""
+        if name in {path.name for path in self._contents}:
+            now = f"written anew since {max(now_s - removed_s, 0.0):.0f} s"
+        else:
+            now = "not there yet"
+        epoch = NEW_EPOCH if name == sqlite_connections.FILE_NAME and self._gives_numbers else ""
+        return now + ("" if name in FROM_MEMORY else LOST) + epoch
 
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from math import pi
 from os import devnull
@@ -43,15 +43,24 @@ def free_ports(count: int) -> list[int]:
 class Served:
     """A service in processes of its own."""
 
-    def __init__(self, data: Path, site: Path | None = None, log: Path = Path(devnull)) -> None:
-        """`log` gets what the service logs."""
+    def __init__(
+        self, data: Path, site: Path | None = None, log: Path = Path(devnull), prefix: Sequence[str] = ()
+    ) -> None:
+        """`log` gets what the service logs. `prefix` is a program that starts it."""
         self.robots_port, self.operator_port = free_ports(2)
-        self._data, self._site, self._log = data, site, log
+        self._data, self._site, self._log, self._prefix = data, site, log, prefix
         self.process: subprocess.Popen[bytes] | None = None
 
     @contextmanager
     def running(self) -> Iterator[int]:
-        command = [sys.executable, "-m", "deconflict", "serve", *([str(self._site)] if self._site else [])]
+        command = [
+            *self._prefix,
+            sys.executable,
+            "-m",
+            "deconflict",
+            "serve",
+            *([str(self._site)] if self._site else []),
+        ]
         command += ["--data", str(self._data)]
         ports = ["--robots-port", str(self.robots_port), "--operator-port", str(self.operator_port)]
         with self._log.open("ab") as log, subprocess.Popen([*command, *ports], stderr=log) as process:

@@ -17,7 +17,8 @@ from deconflict.operator.blackbox.published_advisories import published_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.roles.health import recording_health
+from deconflict.roles import operator_sources
+from deconflict.roles.health import refusal_health
 from deconflict_client.advisory import Acknowledgement, AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.recording import log_packing, log_rotation
@@ -230,7 +231,8 @@ async def measured(service: Running, name: str) -> float:
 async def test_a_full_disk_delays_no_advisory_and_shows_and_is_filled_up_later(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_health, "DROPPED_SHOWN_S", 5.0)
+    monkeypatch.setattr(refusal_health, "SHOWN_S", 5.0)
+    monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
     async with running(small_disk) as service:
         await service.until("/healthz", lambda health: health["status"] == "ok")
         ballast = fill(small_disk)

@@ -24,9 +24,12 @@ from benchmarks.faulty_files.faults import (
     missing,
     missing_disk,
     read_only_disk,
+    remove,
 )
+from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.store import Store
-from deconflict.roles.health import file_health, recording_health
+from deconflict.roles import operator_sources
+from deconflict.roles.health import file_health, refusal_health
 from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
 from deconflict.runtime.data_lock import locked as locked_directory
 from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, drive, running
@@ -48,7 +51,8 @@ OTHERS = {name.replace("1", "2"): aside(course) for name, course in CROSSING.ite
 def shortly_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_health, "REMOVED_SHOWN_S", 3.0)
     monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
-    monkeypatch.setattr(recording_health, "DROPPED_SHOWN_S", 3.0)
+    monkeypatch.setattr(refusal_health, "SHOWN_S", 3.0)
+    monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
 
 
 @pytest.fixture(scope="session")
@@ -169,6 +173,18 @@ async def test_a_service_goes_on_without_a_file_that_is_removed_while_it_runs(da
         await service.until("/healthz", lambda health: health["status"] == "ok")
     assert (data / file).exists()
     assert first["seq"] in numbers(data, first["id"])
+
+
+async def test_health_says_that_the_database_was_lost_and_a_new_epoch_begins(data: Path) -> None:
+    remove(data / "advisories.db")
+    before = epoch(time.time())
+    async with running(data) as service:
+        await sick(service, "was gone at the start")
+        health = (await service.get("/healthz")).json()
+        assert (health["status"], health["store"]["status"]) == ("degraded", "begun anew")
+        assert "a new epoch" in health["store"]["reason"]
+        assert health["store"]["seq"] >= before
+        await service.metrics_with("deconflict_store_renewed 1")
 
 
 async def test_a_ledger_that_is_locked_while_the_service_runs_delays_no_advisory(data: Path) -> None:

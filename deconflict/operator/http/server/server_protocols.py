@@ -175,8 +175,8 @@ class HttpProtocol(H11Protocol):
     """uvicorn's HTTP protocol, which ends idle and unread connections and limits their number.
 
     uvicorn itself waits without limit for the first request, for the rest of a request, and for a client that does not
-    read its answer. `deconflict_connections_refused_total` counts by reason: `face-full`, `face-replaced`, `face-idle`,
-    `face-unread`, `face-tls-failed`.
+    read its answer. `deconflict_connections_refused_total` counts by reason: `face-full`, `face-no-files`,
+    `face-replaced`, `face-idle`, `face-unread`, `face-tls-failed`.
     """
 
     _timer: TimerHandle | None = None

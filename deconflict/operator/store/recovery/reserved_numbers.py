@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from deconflict.operator.store.pending_writes import MOST_PENDING
-from ingest.plain_files import UnfitFileError, read_file
+from ingest.plain_files import UnfitFileError, opened, read_file
 from ingest.recording.replaced_file import replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -64,7 +64,7 @@ class ReservedNumbers:
         if has_unstored == self.has_unstored:
             return
         if self._is_signed():
-            with self._path.open("r+b", buffering=0) as file:
+            with opened(self._path, os.O_RDWR) as file:
                 file.write(_sign(has_unstored=has_unstored))
                 os.fsync(file.fileno())
         else:
@@ -78,7 +78,7 @@ class ReservedNumbers:
 
     def _is_signed(self) -> bool:
         """Not if there is no file, or an older release wrote it."""
-        with suppress(FileNotFoundError), self._path.open("rb") as file:
+        with suppress(FileNotFoundError), opened(self._path) as file:
             return file.read(1) in (b"+", b"-")
         return False
 

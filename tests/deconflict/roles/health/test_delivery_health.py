@@ -8,7 +8,8 @@ import pytest
 
 from deconflict.roles.engine_link.delivery import Delivery
 from deconflict.roles.health import delivery_health
-from deconflict.roles.health.delivery_health import DELAY, LATE_S, SET_ASIDE_SHOWN_S, DeliveryHealth
+from deconflict.roles.health.delivery_health import DELAY, LATE_S, DeliveryHealth
+from deconflict.roles.health.refusal_health import SHOWN_S
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import AsyncCaller
@@ -42,14 +43,14 @@ def test_the_delay_of_the_last_parcel_is_forgotten_if_no_other_comes() -> None:
     assert health.document(110.0 + LATE_S, []) == {"status": "ok", "delay_s": 0.0}
 
 
-def test_what_was_set_aside_shows_for_a_minute_whoever_did_it() -> None:
+def test_what_was_set_aside_shows_for_a_while_whoever_did_it() -> None:
     health, engine = DeliveryHealth(), Measures()
     aside = SetAsides(engine)
     health.note_measures([engine.as_document()], 100.0)
     assert health.document(100.0, [])["status"] == "ok"
     health.set_aside(100.0)
     assert "set aside 3 s ago" in health.document(103.0, [])["reason"]
-    assert health.document(100.0 + SET_ASIDE_SHOWN_S, [])["status"] == "ok"
+    assert health.document(100.0 + SHOWN_S, [])["status"] == "ok"
     aside.add("invalid", "advisory-1", ValueError())
     for now_s in (200.0, 201.0):
         health.note_measures([engine.as_document()], now_s)

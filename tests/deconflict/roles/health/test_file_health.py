@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_files.faults import remove
+from deconflict.operator.blackbox.archive import FOLDER
 from deconflict.roles.health.file_health import REMOVED_SHOWN_S, SILENT_S, FileHealth, data_files
 from deconflict.settings.site import BlackBox, Site
 
@@ -33,6 +34,37 @@ def test_a_file_that_was_removed_shows_for_a_while_also_if_it_was_made_anew(data
     assert health.document(now_s + 1.0 + REMOVED_SHOWN_S)["status"] != "ok", "nobody has looked for so long"
     health.look(now_s)
     assert file in health.document(health._looked_s)["reason"]
+
+
+@pytest.mark.parametrize("file", ["advisories.db", "owners.json", "log"])
+def test_a_file_that_stays_away_is_said_all_the_time_and_then_that_it_is_written_anew(data: Path, file: str) -> None:
+    health = FileHealth(data_files(Site(), data))
+    health.look(0.0)
+    shutil.rmtree(data / file) if file == "log" else remove(data / file)
+    for now_s in (0.0, 10 * REMOVED_SHOWN_S):
+        health._looked_s = now_s
+        health.look(now_s)
+        health._looked_s = now_s
+        assert "is not there yet" in health.document(now_s)["faults"][file]
+    (data / file).mkdir() if file == "log" else (data / file).touch()
+    health.look(now_s)
+    health._looked_s = now_s + 20.0
+    assert "is written anew since 20 s" in health.document(now_s + 20.0)["faults"][file]
+    health._looked_s = now_s + REMOVED_SHOWN_S
+    assert health.document(now_s + REMOVED_SHOWN_S) == {"status": "ok"}
+
+
+def test_a_folder_that_is_made_at_need_is_no_fault_for_ever(data: Path) -> None:
+    health = FileHealth(data_files(Site(), data))
+    (data / FOLDER / "box").touch()
+    health.look(0.0)
+    shutil.rmtree(data / FOLDER)
+    health.look(1.0)
+    health._looked_s = 1.0
+    assert "is not there yet" in health.document(1.0)["faults"][FOLDER]
+    health.look(REMOVED_SHOWN_S)
+    health._looked_s = 1.0 + REMOVED_SHOWN_S
+    assert health.document(1.0 + REMOVED_SHOWN_S) == {"status": "ok"}
 
 
 def test_a_file_that_is_replaced_at_each_write_is_not_removed(data: Path) -> None:

@@ -1,15 +1,17 @@
 """Something else has the place of a file of the data directory: no role waits, fails or replaces it."""
 
 import asyncio
+import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from benchmarks.faulty_files.faults import Fault, blocked, device, huge, pipe
+from benchmarks.faulty_files.faults import Fault, blocked, device, huge, pipe, socket_file
 from deconflict.operator.blackbox.archive import FOLDER, REGISTER, Archive
 from deconflict.operator.blackbox.keeper import PENDING, Keeper
 from deconflict.operator.ledger.optional_ledger import OptionalLedger
@@ -18,7 +20,8 @@ from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers
-from deconflict.roles.health import file_health
+from deconflict.roles import operator_sources
+from deconflict.roles.health import file_health, refusal_health
 from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.runtime.data_lock import locked
 from deconflict.settings.site import LossSettings, Site
@@ -27,6 +30,8 @@ from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.plain_files import UnfitFileError
 from ingest.recording.log_reader import LogReader
+from ingest.recording.log_rotation import RotatingLog
+from ingest.settings import RecorderSettings
 from tests.deconflict.roles.made_service import CROSSING, Running, drive, running
 from tests.helpers.patience import PATIENCE_S
 from tests.ingest.fleet.made_fleet import fleet
@@ -37,6 +42,7 @@ WORDS: dict[Fault, str] = {
     pipe: "is a pipe where",
     device: "is a device where",
     blocked: "is a directory where",
+    socket_file: "is a socket where",
     huge: "are read; move",
 }
 SEGMENT, LOCK = "log/log-1.jsonl", ".face.lock"
@@ -79,6 +85,11 @@ def use_learned(data: Path) -> None:
 def use_reserved(data: Path) -> None:
     numbers = ReservedNumbers(data)
     numbers.reserve(numbers.last + 1)
+    for has_unstored in (True, False):
+        numbers.has_unstored = not has_unstored
+        with suppress(OSError):
+            numbers.note_unstored(has_unstored=has_unstored)
+    numbers.renew_if_removed()
 
 
 def use_pending(data: Path) -> None:
@@ -96,6 +107,14 @@ def use_register(data: Path) -> str:
 
 def use_log(data: Path) -> None:
     assert list(LogReader().read([data / "log"])) == []
+    if not (data / SEGMENT).is_symlink():
+        os.utime(data / SEGMENT, (1.0, 1.0))  # so old that a file would be removed
+    log = RotatingLog(RecorderSettings(segment_bytes=1), data / "log", map(float, count(10**9)).__next__)
+    for _ in range(4):
+        log.write(b"{}\n")
+    log.packer.close(10.0)
+    log.close()
+    assert log.failing is None
 
 
 def use_lock(data: Path) -> None:
@@ -120,6 +139,8 @@ USES: dict[str, Callable[[Path], str | None]] = {
 @pytest.fixture(autouse=True)
 def often_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_health, "REMOVED_SHOWN_S", 3.0)
+    monkeypatch.setattr(refusal_health, "SHOWN_S", 3.0)
+    monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
     monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
 
 
@@ -153,7 +174,7 @@ def all_unfit(data: Path, fault: Fault) -> Iterator[list[str]]:
     with ExitStack() as faults:
         for file in files:
             faults.enter_context(fault(data / file))
-        yield [file for file in files if fault is not blocked or file != SEGMENT]
+        yield files
 
 
 async def until_health(service: Running, wanted: Callable[[dict[str, Any]], bool]) -> None:

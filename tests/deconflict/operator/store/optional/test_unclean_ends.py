@@ -104,6 +104,32 @@ async def test_a_full_disk_takes_the_note_that_numbers_were_given(data: Path, mo
         assert store.append([made(6)])[0].seq not in given
 
 
+@pytest.mark.parametrize("is_empty", [False, True])
+def test_numbers_after_a_lost_file_begin_a_new_epoch_and_it_is_said(data: Path, is_empty: bool) -> None:
+    reserved, before = int((data / RESERVED).read_text()), epoch(time.time())
+    for part in data.glob(f"{FILE_NAME}*"):
+        part.unlink()
+    if is_empty:
+        (data / FILE_NAME).touch()
+    for _ in range(2):
+        with closing(OptionalStore(data)) as store:
+            assert store.renewal is not None or store.last_seq() > before
+            (new,) = store.append([made(9)])
+            assert new.seq > before > reserved
+            assert store.page_after(3, EVERY_KIND, 10).removed > 3, "its subscriber is to read again"
+    assert store.renewal is None, "the next start has a file"
+    assert new.seq < epoch(time.time()), "and begins no epoch of its own"
+
+
+def test_a_lost_file_is_called_lost_and_a_new_directory_is_not(data: Path, tmp_path: Path) -> None:
+    (data / FILE_NAME).unlink()
+    with closing(OptionalStore(data)) as store:
+        assert "was gone at the start" in str(store.renewal)
+        assert "a new epoch" in str(store.renewal)
+    with closing(OptionalStore(tmp_path / "new")) as store:
+        assert store.renewal is None
+
+
 async def test_a_note_of_an_older_release_is_written_whole(data: Path) -> None:
     last = abs(int((data / RESERVED).read_text()))
     (data / RESERVED).write_text(f"{last}\n")

@@ -1,0 +1,290 @@
+"""What the service has refused, dropped or lost in the last minutes, by its counters. One rule says it of all of them.
+
+`RULES` has every counter of the catalogue: how its rise is said, or why it is not.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+from ingest.measures.measures import joined_values
+
+SHOWN_S = 600.0
+"""What was refused or lost is said for so long."""
+MOST_NAMED = 5
+"""Vendors, outlets or the like that a sentence names."""
+STEP_S = 10.0
+"""Rises within this time are kept as one."""
+REPEATED = 3
+"""One attempt that failed is no fault: it is made again."""
+INSISTENT = 20
+"""Senders that are refused so often try again and again, and nobody hears them."""
+WHO = "the log of the receiver says who, and why"
+
+
+class Said(NamedTuple):
+    """A rise is said: degraded from a number within `SHOWN_S`, below it in a note."""
+
+    words: str
+    """What follows the number."""
+    remedy: str
+    degraded_from: float = inf
+    """Never: others than the site can make it rise, and nobody else suffers from it."""
+
+
+class Unsaid(NamedTuple):
+    """A rise is not said here."""
+
+    why: str
+
+
+def _part(name: str) -> Unsaid:
+    return Unsaid(f"`{name}` in health says it")
+
+
+def _other(kind: str) -> Unsaid:
+    return Unsaid(f"nothing is refused or lost: it counts {kind}")
+
+
+Rule = Said | Unsaid
+
+_CONNECTIONS: dict[str, Rule] = {
+    "full": Said(
+        "connections of robots were refused because all places were taken",
+        "raise the limit of open files (ulimit -n, LimitNOFILE) or receiver.max_connections; the log says which is "
+        "lower",
+        1,
+    ),
+    "no-files": Said(
+        "times no robot could connect for want of open files",
+        "raise the limit of open files (ulimit -n, LimitNOFILE)",
+        1,
+    ),
+    "face-no-files": Said(
+        "times nobody could connect to the operators' port for want of open files",
+        "raise the limit of open files (ulimit -n, LimitNOFILE)",
+        1,
+    ),
+    "unauthorised": Said("connections were refused for want of a valid token or certificate", WHO, INSISTENT),
+    "another-vendor": Said("connections were refused that spoke for another vendor", WHO, INSISTENT),
+    "tls-failed": Said("connections of robots failed in the TLS handshake", WHO, INSISTENT),
+    "another-site": Said("connections of pages of other sites were refused", WHO),
+    "replaced": Said(
+        "connections of robots were closed for newer ones",
+        "a sender has more than receiver.max_connections_per_peer, or all places are taken",
+    ),
+    "vendor-removed": Said("connections of vendors were closed that the site file no longer has", WHO),
+    "protocol-error": Said("connections of robots were closed after what is no WebSocket", WHO),
+    "unread": Said("connections of robots were closed because they read nothing", WHO),
+    "idle": Unsaid("robots that have nothing to say, or have left"),
+    "face-idle": Unsaid("browsers and clients keep connections open that they no longer use"),
+    "face-full": Said(
+        "connections to the operators' port were refused, too many were in their handshake", "see who connects"
+    ),
+    "face-replaced": Said("connections to the operators' port were closed for newer ones", "see who holds so many"),
+    "face-unread": Said("connections to the operators' port were closed that read nothing", "see who connects"),
+    "face-flood": Said("subscribers were cut off that sent too much", "see who connects"),
+    "face-tls-failed": Said("connections to the operators' port failed in the TLS handshake", "see who connects"),
+}
+_AGAIN = "it is tried again; `files` or the log says why"
+
+RULES: dict[str, Rule | Mapping[str, Rule]] = {
+    "deconflict_connections_refused_total": _CONNECTIONS,
+    "deconflict_messages_shed_total": Said(
+        "messages were not read, because their vendor sends too many",
+        "newer ones of these robots were; have it send fewer, or raise receiver.max_messages_per_s and max_bytes_per_s",
+    ),
+    "deconflict_rejections_total": Said("messages were rejected", "GET /quarantine says why, and what to change"),
+    "deconflict_messages_total": Unsaid("`deconflict_rejections_total` counts those that are refused"),
+    "deconflict_rejected_cut_total": Said(
+        "rejected messages were recorded in part or not", "GET /quarantine says who sends so many, and why"
+    ),
+    "deconflict_recorded_lines_dropped_total": Said(
+        "lines were not recorded, because the disk failed or was too slow",
+        "free space or mend the disk of log/; replays and black boxes lack these lines",
+        1,
+    ),
+    "deconflict_broker_failures_total": Said(
+        "connections to a broker of robots failed or were lost",
+        "see the broker, its address and its password",
+        REPEATED,
+    ),
+    "deconflict_outlet_failures_total": Said(
+        "deliveries to an outlet failed",
+        "they wait and are tried again; see whether it is up, and the log for its answer",
+        REPEATED,
+    ),
+    "deconflict_stream_dropped_total": Said(
+        "subscribers of the stream were cut off because they stopped reading",
+        "they continue where they were, once they read",
+    ),
+    "deconflict_losses_dropped_total": Said(
+        "losses are missing in the ledger", "`files` or the log says why losses.db takes none", 1
+    ),
+    "deconflict_blackboxes_total": {
+        "failed": Said("near misses have no black box, after an error", "the log says why", 1),
+        "beyond": Said(
+            "near misses have no black box, too many came at once", "see GET /situations for what goes on", 1
+        ),
+        "kept": _other("black boxes that were kept"),
+        "unfounded": _other("near misses that reports do not show"),
+    },
+    "deconflict_situation_failures_total": Said(
+        "times situations could not be made", "they began anew; report the error in the log", 1
+    ),
+    "deconflict_advice_failures_total": Said("requests for advice ended in an error", "report the error in the log", 1),
+    "deconflict_advice_late_total": Said(
+        "pieces of advice came too late to be given", "the engine has too little processor time if there are many"
+    ),
+    "deconflict_invalid_forecasts_total": {
+        "floor-not-listed": Said("forecasts were lost without their floor", "start all processes from one release", 1),
+        "": Said("forecasts could not be used", "their robots count as standing; report which robots send them"),
+    },
+    "deconflict_advisories_pruned_total": {
+        "size": Said(
+            "cleared advisories were removed before store.keep_days", "raise store.advisories_bytes if you need them"
+        ),
+        "age": _other("advisories that are as old as store.keep_days says"),
+    },
+    "deconflict_owners_failures_total": Said("attempts to read or write owners.json failed", _AGAIN, 1),
+    "deconflict_kept_messages_failures_total": Said("attempts to read or write robots.db failed", _AGAIN, 1),
+    "deconflict_learning_failures_total": Said("attempts to read or write learned.npz failed", _AGAIN, 1),
+    "deconflict_learned_parts_set_aside_total": Said(
+        "parts of what was learned were set aside", "they are learned anew; the log says why"
+    ),
+    "deconflict_owners_forgotten_total": Said(
+        "robots were forgotten by the register of owners", "their vendor has too many: does it make up identities?"
+    ),
+    "deconflict_usual_places_dropped_total": Said(
+        "places were forgotten whose usual waits were known", "there are too many places; they are learned anew"
+    ),
+    "deconflict_advisories_set_aside_total": _part("delivery"),
+    "deconflict_store_failures_total": _part("store"),
+    "deconflict_pairs_left_out_total": _part("pairs"),
+    "deconflict_deadlines_missed_total": _part("effort"),
+    "deconflict_site_reloads_total": _part("site"),
+    "deconflict_role_restarts_total": _part("restarts"),
+    "deconflict_statuses_superseded_total": _other("statuses of which the engine read a newer one"),
+    "deconflict_revisions_deferred_total": _other("revisions that come in a later pass"),
+    "deconflict_robots_forgotten_total": _other("robots that were silent for reading.forget_after_s"),
+    "deconflict_silences_total": _other("silences of robots"),
+    "deconflict_forecasts_distrusted_total": _other("forecasts that count less; GET /presence lists their robots"),
+    "deconflict_deviations_total": _other("deviations in messages that were accepted"),
+    "deconflict_advice_refused_total": _other("answers of vendors; GET /vendors has them"),
+    "deconflict_advice_refused_seconds_total": _other("time of robots; GET /vendors has it"),
+    "deconflict_advice_ended_total": _other("pieces of advice that ended"),
+    "deconflict_advice_asked_total": _other("pieces of advice"),
+    "deconflict_advice_yielded_seconds_total": _other("time of robots"),
+    "deconflict_lost_seconds_total": _other("time that robots lost to each other"),
+    "deconflict_near_misses_total": _other("near misses"),
+    "deconflict_recorded_bytes_total": _other("bytes that were recorded"),
+    "deconflict_ticks_total": _other("ticks"),
+    "deconflict_situations_total": _other("revisions"),
+    "deconflict_advisories_total": _other("revisions"),
+    "deconflict_advisories_stored_total": _other("revisions"),
+    "deconflict_conflicts_ended_total": _other("conflicts"),
+    "deconflict_warnings_judged_total": _other("warnings"),
+    "deconflict_vendor_warnings_judged_total": _other("warnings"),
+    "deconflict_events_judged_total": _other("events on the floor"),
+    "deconflict_vendor_events_judged_total": _other("events on the floor"),
+    "deconflict_probability_outcomes_total": _other("outcomes that probabilities are learned from"),
+    "deconflict_sweep_segment_pairs_total": _other("work of the engine"),
+    "deconflict_sweep_fcl_calls_total": _other("work of the engine"),
+    "deconflict_ordinary_waits_total": _other("waits of robots"),
+    "deconflict_ordinary_wait_seconds_total": _other("waits of robots"),
+    "deconflict_outlet_deliveries_total": _other("deliveries"),
+}
+"""By counter. Where reasons differ in their weight, by the first label; `""` is any other."""
+OTHERWISE = Said("more were refused for another reason", "the log says why")
+"""Of a reason that its counter does not have here."""
+
+
+Series = tuple[str, str]
+"""A counter, and its first label."""
+
+
+class Rises(NamedTuple):
+    """How much a series has risen, from when to when."""
+
+    by: float
+    begun_s: float
+    last_s: float
+
+
+class RefusalHealth:
+    """All times are monotonic. For one thread, but `document` may be called from any."""
+
+    def __init__(self, *, since_start: bool) -> None:
+        """`since_start`: the counters of all roles began with this object, so all that they have is new."""
+        self._since_start = since_start
+        self._known: dict[str, dict[Series, float]] = {}
+        """By role, the last values."""
+        self._rises: dict[Series, deque[Rises]] = defaultdict(deque)
+        self._sums: dict[Series, Rises] = {}
+        """Within `SHOWN_S`."""
+
+    def note_measures(self, role: str, documents: Sequence[dict[str, Any]], now_s: float) -> None:
+        """Take in the measures of a role. One that has fallen began anew, or a machine has left: it is no rise."""
+        new = _said_values(documents)
+        known = self._known.get(role, {} if self._since_start else new)
+        self._known[role] = new
+        for series, value in new.items():
+            if (rise := value - known.get(series, 0.0)) > 0:
+                rises = self._rises[series]
+                before = rises.pop() if rises and now_s - rises[-1].begun_s < STEP_S else Rises(0.0, now_s, now_s)
+                rises.append(Rises(before.by + rise, before.begun_s, now_s))
+        self._sums = {series: found for series in self._rises if (found := self._sum(series, now_s)).by}
+
+    def document(self, now_s: float) -> dict[str, Any]:
+        """The part `refused_or_lost` of the health."""
+        reasons: list[str] = []
+        notes: list[str] = []
+        for rule, rises in _by_rule(self._sums).items():
+            is_fault = sum(each.by for each in rises.values()) >= rule.degraded_from
+            (reasons if is_fault else notes).append(_sentence(rule, rises, now_s))
+        document = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
+        return {**document, "notes": notes}
+
+    def _sum(self, series: Series, now_s: float) -> Rises:
+        rises = self._rises[series]
+        while rises and now_s - rises[0].last_s >= SHOWN_S:
+            rises.popleft()
+        return Rises(sum(each.by for each in rises), now_s - SHOWN_S, rises[-1].last_s if rises else -inf)
+
+
+def rule_of(name: str, label: str) -> Rule:
+    """Of a counter, and of its first label if its rule depends on it."""
+    rule = RULES[name]
+    return rule if isinstance(rule, Said | Unsaid) else rule.get(label) or rule.get("", OTHERWISE)
+
+
+def _said_values(documents: Sequence[dict[str, Any]]) -> dict[Series, float]:
+    values: dict[Series, float] = defaultdict(float)
+    for name, series in joined_values(documents).items():
+        for labels, value in series.items() if name in RULES else ():
+            label = labels[0] if labels else ""
+            if isinstance(rule_of(name, label), Said):
+                values[name, label] += value
+    return values
+
+
+def _by_rule(sums: Mapping[Series, Rises]) -> dict[Said, dict[str, Rises]]:
+    """By rule, what has risen; by first label, unless the rule is of this label only."""
+    by_rule: dict[Said, dict[str, Rises]] = {}
+    for (name, label), rises in sums.items():
+        rule = rule_of(name, label)
+        if isinstance(rule, Said):
+            is_of_label = isinstance(RULES[name], Mapping) and label in RULES[name]
+            by_rule.setdefault(rule, {})["" if is_of_label else label] = rises
+    return by_rule
+
+
+def _sentence(rule: Said, rises: Mapping[str, Rises], now_s: float) -> str:
+    most = sorted(filter(None, rises), key=lambda label: -rises[label].by)[:MOST_NAMED]
+    named = f" ({', '.join(f'{rises[label].by:.0f} of {label}' for label in most)})" if most else ""
+    ago_s = max(now_s - max(each.last_s for each in rises.values()), 0.0)
+    count = sum(each.by for each in rises.values())
+    return (
+        f"{count:.0f} {rule.words}{named} in the last {SHOWN_S / 60:.0f} minutes, last {ago_s:.0f} s ago: {rule.remedy}"
+    )

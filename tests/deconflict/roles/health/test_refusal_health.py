@@ -1,0 +1,153 @@
+"""What health says of what is refused or lost: of every counter of the catalogue, by one rule."""
+
+import asyncio
+import json
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import WebSocketException
+
+from deconflict.roles.health.refusal_health import (
+    INSISTENT,
+    MOST_NAMED,
+    RULES,
+    SHOWN_S,
+    STEP_S,
+    RefusalHealth,
+    Said,
+    Unsaid,
+    rule_of,
+)
+from deconflict_client.answers.health_models import ServiceHealth
+from ingest.measures.measures import Measures
+from metrics.monitoring.catalogue import CATALOGUE
+from tests.deconflict.roles.made_service import Served
+from tests.helpers.patience import PATIENCE_S
+
+COUNTERS = [name for name, entry in CATALOGUE.items() if entry.kind == "counter"]
+REFUSED, SHED, DROPPED = (
+    f"deconflict_{name}_total" for name in ("connections_refused", "messages_shed", "recorded_lines_dropped")
+)
+CASES = [
+    (name, label)
+    for name, rule in RULES.items()
+    for label in (["acme"] if isinstance(rule, Said | Unsaid) else [*rule, "a-reason-of-a-later-release"])
+]
+
+
+def counted(name: str, *labels: str, by: float = 1) -> list[dict[str, Any]]:
+    measures = Measures()
+    measures.count(name, *labels, by=by)
+    return [measures.as_document()]
+
+
+def health_with(name: str, *labels: str, by: float = 1) -> dict[str, Any]:
+    health = RefusalHealth(since_start=True)
+    health.note_measures("receiver", counted(name, *labels, by=by), 100.0)
+    return health.document(100.0)
+
+
+def test_every_counter_of_the_catalogue_is_said_in_health_or_says_why_not() -> None:
+    assert sorted(RULES) == sorted(COUNTERS), "say in RULES how health says a new counter, or why it does not"
+    rules = [rule_of(name, label) for name, label in CASES]
+    assert all(rule.why for rule in rules if isinstance(rule, Unsaid))
+    assert all(rule.words and rule.remedy for rule in rules if isinstance(rule, Said))
+
+
+def test_a_counter_that_another_part_of_health_says_names_a_part() -> None:
+    parts = {rule.why.split("`")[1] for rule in RULES.values() if isinstance(rule, Unsaid) and "in health" in rule.why}
+    assert parts
+    assert parts <= ServiceHealth.model_fields.keys()
+
+
+@pytest.mark.parametrize(("name", "label"), CASES)
+def test_each_counter_that_rises_is_said_with_what_to_do(name: str, label: str) -> None:
+    rule = rule_of(name, label)
+    labels = [label or "another", *CATALOGUE[name].labels[1:]] if CATALOGUE[name].labels else []
+    document = health_with(name, *labels, by=1e6)
+    text = json.dumps(document)
+    if isinstance(rule, Unsaid):
+        assert document == {"status": "ok", "notes": []}
+    else:
+        assert all(words in text for words in (rule.words, rule.remedy, "1000000"))
+        assert document["status"] == ("degraded" if rule.degraded_from <= 1e6 else "ok")
+
+
+def test_it_is_said_while_it_goes_on_and_for_ten_minutes() -> None:
+    health = RefusalHealth(since_start=True)
+    for second in range(0, 2000, 5):
+        health.note_measures("receiver", counted(REFUSED, "full", by=second), float(second))
+    assert health.document(1995.0)["status"] == "degraded"
+    count = float(health.document(1995.0)["reason"].partition(" ")[0])
+    assert SHOWN_S <= count <= SHOWN_S + STEP_S
+    for now_s, status in ((1995.0 + SHOWN_S - 1.0, "degraded"), (1995.0 + SHOWN_S, "ok")):
+        health.note_measures("receiver", counted(REFUSED, "full", by=1995), now_s)
+        assert health.document(now_s)["status"] == status
+    assert SHOWN_S == 600.0
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "by"),
+    [
+        ("deconflict_rejections_total", "acme", 1),
+        ("deconflict_rejections_total", "acme", 100_000),
+        ("deconflict_stream_dropped_total", "", 1),
+        (SHED, "acme", 100_000),
+        (REFUSED, "unauthorised", INSISTENT - 1),
+        (REFUSED, "idle", 100_000),
+        ("deconflict_outlet_failures_total", "webhooks.duty", 1),
+    ],
+)
+def test_what_one_sender_or_one_subscriber_does_is_a_note_and_no_fault(name: str, label: str, by: int) -> None:
+    labels = [label, *CATALOGUE[name].labels[1:]][: len(CATALOGUE[name].labels)]
+    document = health_with(name, *labels, by=by)
+    assert document["status"] == "ok"
+    assert bool(document["notes"]) is (label != "idle")
+
+
+def test_a_note_names_those_with_most() -> None:
+    measures = Measures()
+    for number in range(1, 9):
+        measures.count(SHED, f"vendor {number}", by=number)
+    health = RefusalHealth(since_start=True)
+    health.note_measures("receiver", [measures.as_document()], 0.0)
+    (note,) = health.document(0.0)["notes"]
+    assert note.startswith("36 messages were not read")
+    assert "(8 of vendor 8, 7 of vendor 7, 6 of vendor 6, 5 of vendor 5, 4 of vendor 4)" in note
+    assert note.count(" of vendor ") == MOST_NAMED
+
+
+def test_what_was_lost_before_is_not_said_again_and_a_role_that_begins_anew_has_lost_nothing() -> None:
+    health = RefusalHealth(since_start=False)
+    for now_s, lines in ((0.0, 698), (5.0, 3)):
+        health.note_measures("receiver", counted(DROPPED, by=lines), now_s)
+        assert health.document(now_s) == {"status": "ok", "notes": []}
+    health.note_measures("receiver", counted(DROPPED, by=5), 10.0)
+    assert health.document(10.0)["reason"].startswith("2 lines were not recorded")
+
+
+LIMITED = "import os, resource as r, sys; r.setrlimit(r.RLIMIT_NOFILE, (256, 256)); os.execv(sys.argv[1], sys.argv[1:])"
+
+
+async def test_a_service_that_refuses_robots_for_want_of_files_says_so(tmp_path: Path) -> None:
+    served = Served(tmp_path / "data", prefix=(sys.executable, "-c", LIMITED))
+
+    async def come(url: str) -> None:
+        with suppress(OSError, WebSocketException):
+            async with connect(url, open_timeout=PATIENCE_S) as robot:
+                await robot.wait_closed()
+
+    with served.running():
+        health = await served.until("/healthz", lambda health: health.get("roles", {}).get("engine") == "up")
+        assert health["refused_or_lost"] == {"status": "ok", "notes": []}
+        robots = [asyncio.create_task(come(served.robots_url)) for _ in range(150)]
+        health = await served.until("/healthz", lambda health: health["refused_or_lost"]["status"] != "ok")
+        for robot in robots:
+            robot.cancel()
+        await asyncio.gather(*robots, return_exceptions=True)
+    assert health["status"] == "degraded"
+    assert "raise the limit of open files" in health["refused_or_lost"]["reason"]
