@@ -15,7 +15,7 @@ from deconflict.operator.http import json_schemas
 from deconflict.roles.processes.backup_command import add_backup
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
-from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command
+from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command, number_in
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
@@ -108,7 +108,7 @@ def _add_site(commands: Commands) -> None:
     import_parser.add_argument("file", type=Path, metavar="FILE", help="the file to read")
     import_parser.add_argument(
         "--width",
-        type=float,
+        type=number_in(*plan_reader.WIDTHS_M),
         default=plan_reader.WIDTH_M,
         metavar="M",
         help="width of lanes and places, metres (default: %(default)s)",
