@@ -48,6 +48,8 @@ COMMANDS = [
     ["losses", "--site", "FILE"],
     ["export", "--data", "FILE"],
     ["senders", "http://127.0.0.1:9", "--token", "file:FILE"],
+    ["senders", "https://127.0.0.1:9", "--ca", "FILE"],
+    ["backup", "FILE", "copy"],
     ["serve", "FILE"],
     ["simulate", "FILE"],
 ]
@@ -60,7 +62,11 @@ def hostile(tmp_path: Path) -> Path:
     for name, content in CONTENTS.items():
         (tmp_path / name).write_bytes(content)
     os.mkfifo(tmp_path / "pipe.jsonl")
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "blackbox").mkdir(parents=True)
+    for name in ("log.jsonl", "log.jsonl.zst", "losses.db", "advisories.db", "learned.npz", "blackbox/register.jsonl"):
+        os.mkfifo(tmp_path / "folder" / name)
+    for name in ("log-2.jsonl", "blackbox/blackbox-2.jsonl.zst"):
+        (tmp_path / "folder" / name).symlink_to("/dev/zero")
     return tmp_path
 
 

@@ -3,13 +3,13 @@
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import httpx
 
 from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in
 from ingest.languages.visible_text import visible_lines
+from ingest.security.certificates import client_context
 from ingest.security.tokens import secret
 from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
 
@@ -41,7 +41,6 @@ def add_senders(commands: Commands) -> None:
     command.add_argument("--token", metavar="SOURCE", help="source of a token that may read: env:NAME or file:PATH")
     command.add_argument(
         "--ca",
-        type=Path,
         metavar="FILE",
         help="PEM file of the authority of an https port; that of the system if absent",
     )
@@ -53,7 +52,7 @@ def _senders(args: argparse.Namespace) -> int:
     headers = {"authorization": f"Bearer {secret(args.token)}"} if args.token else {}
     try:
         with httpx.Client(
-            base_url=args.url, headers=headers, verify=str(args.ca) if args.ca else True, timeout=TIMEOUT_S
+            base_url=args.url, headers=headers, verify=client_context(args.ca or ""), timeout=TIMEOUT_S
         ) as http:
             before = _answers(http)
             sys.stderr.write(f"watching {args.url} for {args.seconds:g} s\n")

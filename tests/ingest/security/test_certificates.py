@@ -84,7 +84,7 @@ def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     with pytest.raises(CertificateError, match=r"site\.pem"):
         Certificates(Tls(certificate=str(tmp_path / "site.pem")))
     os.mkfifo(tmp_path / "pipe.pem")
-    with pytest.raises(CertificateError, match=r"pipe\.pem: is no file"):
+    with pytest.raises(CertificateError, match=r"pipe\.pem is a pipe where a file is expected"):
         Certificates(Tls(certificate=str(tmp_path / "pipe.pem")))
     encrypted = trustme.CA().issue_cert("127.0.0.1")
     key = load_pem_private_key(encrypted.private_key_pem.bytes(), None)
