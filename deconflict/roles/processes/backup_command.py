@@ -15,16 +15,21 @@ from deconflict.operator.store import learned_file, sqlite_connections
 from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.operator.store.tables import last_seq, read_only
 from deconflict.runtime.command_parsers import Commands, add_command
-from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
+from deconflict.runtime.data_lock import LOCKS, DataDirectoryError, create_data_directory
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
-from ingest.plain_files import check_database, opened, unfit
+from ingest.languages.visible_text import visible
+from ingest.plain_files import SIDE_FILES, check_database, opened, unfit
 from ingest.recording.log_segments import packed_name, segments
+from ingest.recording.replaced_file import ASIDE
 
 DATABASES = (sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME)
 WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME)
 """Files that the service replaces as a whole."""
 LOG = "log"
+SET_ASIDE = ("advisories-*.db", "losses-*.db", f"*{ASIDE}")
+"""Files that the service renamed, since they were damaged. Nobody writes to them, so they are copied as they are."""
+NEVER_COPIED = (LOCKS, "*.new", "*.unfinished")
 
 
 def add_backup(commands: Commands) -> None:
@@ -44,6 +49,7 @@ def add_backup(commands: Commands) -> None:
 def _backup(args: argparse.Namespace) -> int:
     copied = backed_up(args.data, args.target)
     sys.stdout.write(f"{args.target}: {copied} files\n")
+    sys.stdout.writelines(f"not copied: {visible(name)}\n" for name in left_out(args.data, args.target))
     return 0
 
 
@@ -67,6 +73,16 @@ def backed_up(data: Path, target: Path) -> int:
     return copied
 
 
+def left_out(data: Path, target: Path) -> list[str]:
+    """What the directory has that is none of the service's files, or could not be copied as one."""
+    kept = (*NEVER_COPIED, *(name + suffix for name in (*DATABASES, *SET_ASIDE) for suffix in SIDE_FILES))
+    return sorted(
+        path.name
+        for path in data.iterdir()
+        if not (target / path.name).exists() and not any(path.match(pattern) for pattern in kept)
+    )
+
+
 def _copies(data: Path, target: Path) -> Iterator[bool]:
     """Copies one file after another. The log comes first: the database is not older than what it decided."""
     for folder, files in ((LOG, segments(data / LOG)), (BOXES, sorted(_files(data / BOXES)))):
@@ -75,6 +91,10 @@ def _copies(data: Path, target: Path) -> Iterator[bool]:
             yield _copy(file, target / folder) or _copy(packed_name(file), target / folder)
     for name in WHOLE:
         yield _copy(data / name, target)
+    for file in (found for pattern in SET_ASIDE for found in sorted(data.glob(pattern))):
+        yield _copy(file, target)
+        for suffix in SIDE_FILES:
+            yield _copy(file.with_name(file.name + suffix), target)
     for name in DATABASES:
         yield _copy_database(data / name, target / name)
     _have_start_begin_an_epoch(data, target)

@@ -20,7 +20,7 @@ END_S = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
 TURN = datetime(2050, 1, 1, tzinfo=UTC)
 """From here on a certificate has the year with four digits."""
 SECOND = timedelta(seconds=1)
-KEYS = [
+KEYS: list[ed25519.Ed25519PrivateKey | ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey] = [
     ed25519.Ed25519PrivateKey.generate(),
     ec.generate_private_key(ec.SECP256R1()),
     ec.generate_private_key(ec.SECP521R1()),
