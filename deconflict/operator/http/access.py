@@ -30,7 +30,6 @@ COOKIE = "deconflict_session"
 MOST_SESSIONS = 100
 """Of one person; then their oldest ends."""
 MOST_FORM_BYTES = 4096
-NOBODYS = "its token is nobody's"
 
 
 def role_needed(method: str, path: str) -> Role:
@@ -182,7 +181,9 @@ class AccessMiddleware:
             wants_page = method == "GET" and "text/html" in headers.get("accept", "")
             if wants_page:
                 return _login_page("")
-            logged = NOBODYS if "authorization" in headers else "it sends no token and has not signed in"
+            logged = (
+                "its token is nobody's" if "authorization" in headers else "it sends no token and has not signed in"
+            )
             return self._refused(scope, 401, "send 'Authorization: Bearer TOKEN', or sign in", logged)
         needed = role_needed(method, scope["path"])
         if RANK[role] < RANK[needed]:
@@ -217,7 +218,9 @@ class AccessMiddleware:
         signed_in = self._people.sign_in(f"Bearer {token}")
         if signed_in is None:
             await self._slow_down(request.scope)
-            self._clients.note(f"{_address(request.scope)} at the operators' port", NOBODYS)
+            self._clients.note(
+                f"{_address(request.scope)} at the operators' port", "it signs in with a token that is nobody's"
+            )
             return _login_page("That token is not known.")
         session = secrets.token_urlsafe(32)
         theirs = [name for name, other in self._sessions.items() if other.person == signed_in.person]

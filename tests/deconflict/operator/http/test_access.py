@@ -114,6 +114,7 @@ async def test_refused_requests_are_logged_once_for_each_reason_and_never_with_t
     assert logged == [
         f"{begin}it sends no token and has not signed in",
         f"{begin}its token is nobody's",
+        f"{begin}it signs in with a token that is nobody's",
         f"{begin}wallboard has the role read; this takes the role administer",
         f"{begin}pages of other sites may not use this service",
     ]
