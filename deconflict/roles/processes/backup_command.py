@@ -19,7 +19,7 @@ from deconflict.runtime.data_lock import LOCKS, DataDirectoryError, create_data_
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
 from ingest.languages.visible_text import visible
-from ingest.plain_files import SIDE_FILES, check_database, opened, unfit
+from ingest.plain_files import SIDE_FILES, check_database, opened, unfit, with_advice
 from ingest.recording.log_segments import packed_name, segments
 from ingest.recording.replaced_file import ASIDE
 
@@ -29,6 +29,7 @@ WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME)
 LOG = "log"
 SET_ASIDE = ("advisories-*.db", "losses-*.db", f"*{ASIDE}")
 """Files that the service renamed, since they were damaged. Nobody writes to them, so they are copied as they are."""
+ADVICE = "a start of the service sets a damaged one aside"
 NEVER_COPIED = (LOCKS, "*.new", "*.unfinished")
 
 
@@ -122,9 +123,12 @@ def _copy_database(path: Path, copy: Path) -> bool:
     """A copy of one moment, whatever is written meanwhile. Writers do not wait."""
     if not path.exists():
         return False
-    check_database(path)
-    with read_only(path) as source, closing(sqlite3.connect(copy)) as target:
-        source.backup(target)
+    try:
+        check_database(path)
+        with read_only(path) as source, closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+    except sqlite3.Error as error:
+        raise sqlite3.OperationalError(f"{path}: {with_advice(error, ADVICE)}") from error
     return True
 
 

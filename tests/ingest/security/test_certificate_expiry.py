@@ -14,6 +14,8 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from cryptography.x509.oid import NameOID
 
 from ingest.security.certificate_expiry import MOST_FILE_BYTES, expires_s
+from ingest.security.certificates import server_context
+from ingest.settings import Tls
 
 BEGIN_S = datetime(1950, 1, 1, tzinfo=UTC).timestamp()
 END_S = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
@@ -73,6 +75,16 @@ def test_of_a_chain_with_a_key_and_any_text_around_the_first_end_counts(tmp_path
     file = tmp_path / "chain.pem"
     file.write_bytes(b"\n".join(parts).replace(b"\n", line_end))
     assert expires_s(str(file)) == min(each.not_valid_after_utc for each in made).timestamp()
+
+
+@pytest.mark.parametrize("label", ["CERTIFICATE", "X509 CERTIFICATE", "TRUSTED CERTIFICATE"])
+def test_a_certificate_counts_under_every_name_under_which_a_port_takes_it(tmp_path: Path, label: str) -> None:
+    file, made = tmp_path / "site.pem", certificate(TURN, np.random.default_rng(8))
+    pem = made.public_bytes(Encoding.PEM).decode().replace("CERTIFICATE", label)
+    key = next(key for key in KEYS if key.public_key() == made.public_key())
+    file.write_text(pem + key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()).decode())
+    server_context(Tls(certificate=str(file)))
+    assert expires_s(str(file)) == TURN.timestamp()
 
 
 def test_damaged_certificates_have_no_end_or_one_and_never_raise(tmp_path: Path) -> None:

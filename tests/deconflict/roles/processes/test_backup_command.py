@@ -66,7 +66,7 @@ def test_a_copy_replaces_nothing_and_is_whole_or_not_there(tmp_path: Path) -> No
     with pytest.raises(DataDirectoryError):
         backed_up(there, tmp_path / "copy")
     (data / "losses.db").write_bytes(b"no database" * 100)
-    with pytest.raises(DataDirectoryError):
+    with pytest.raises(DataDirectoryError, match=r"losses\.db: file is not a database; a start of the service sets"):
         backed_up(data, tmp_path / "copy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "there"]
 
