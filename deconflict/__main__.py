@@ -13,9 +13,10 @@ from typing import Any
 from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
 from deconflict.roles.processes.backup_command import add_backup
+from deconflict.roles.processes.disk_room import disk_lines
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new
-from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command
+from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command, number_in
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
 from deconflict.runtime.logging_setup import begin as begin_log
@@ -81,7 +82,7 @@ def _add_check(commands: Commands) -> None:
     check_parser = add_command(
         commands,
         "check",
-        "check a site file, and the fit of each vendor's map to the site's frame",
+        "check a site file, and the fit of each vendor's map to the site's frame, and say how much disk it needs",
         "deconflict check SITE.toml",
     )
     check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
@@ -108,7 +109,7 @@ def _add_site(commands: Commands) -> None:
     import_parser.add_argument("file", type=Path, metavar="FILE", help="the file to read")
     import_parser.add_argument(
         "--width",
-        type=float,
+        type=number_in(*plan_reader.WIDTHS_M),
         default=plan_reader.WIDTH_M,
         metavar="M",
         help="width of lanes and places, metres (default: %(default)s)",
@@ -159,7 +160,7 @@ def _add_descriptions(commands: Commands) -> None:
 def _check(args: argparse.Namespace) -> int:
     from deconflict.operator.http import access  # noqa: PLC0415 - loads the web server
 
-    return check(args.site, sys.stdout, access.verify_credentials)
+    return check(args.site, sys.stdout, access.verify_credentials, disk_lines)
 
 
 def _site_import(args: argparse.Namespace) -> int:

@@ -20,6 +20,8 @@ NIL_DATUM = "00000000-0000-0000-0000-000000000000"
 
 Metres = Annotated[float, Field(ge=0, le=100_000, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=366 * 86_400, allow_inf_nan=False)]
+MOST_COUNTED = 1 << 50
+Count = Annotated[int, Field(gt=0, le=MOST_COUNTED)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 DatumId = Annotated[str, AfterValidator(str.lower)]
 Priority = Annotated[float, Field(gt=0, le=100)]
@@ -261,15 +263,15 @@ class ReceiverSettings(Section):
     """Address to listen on; "0.0.0.0" for all addresses of this machine."""
     port: Annotated[int, Field(ge=0, le=65535)] = 3000
     """Port to listen on; 0 for any free port."""
-    max_message_bytes: Annotated[int, Field(gt=0)] = 65536
+    max_message_bytes: Count = 65536
     """A longer message is refused, and its connection is closed."""
     open_timeout_s: Seconds = 5.0
     """Longest time to open a connection. The TLS handshake before it may take as long."""
     idle_timeout_s: Seconds = 120.0
     """A connection that sends nothing for this long is closed."""
-    max_connections: Annotated[int, Field(gt=0)] = 12000
+    max_connections: Count = 12000
     """Most connections at once. A low limit of open files makes it fewer."""
-    max_connections_per_peer: Annotated[int, Field(gt=0)] = 10000
+    max_connections_per_peer: Count = 10000
     """Most connections from one address, for senders that never close theirs."""
     max_messages_per_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5000.0
     """Most messages a second of one vendor. Unknown vendors are limited by address, those that topics claim as one."""
@@ -288,9 +290,9 @@ class RecorderSettings(Section):
 
     enabled: bool = True
     """Whether the log is written. Without it there is no replay, and a restart begins with an empty floor."""
-    segment_bytes: Annotated[int, Field(gt=0)] = 64 * 1024 * 1024
+    segment_bytes: Count = 64 * 1024 * 1024
     """Size of a segment before it is packed, after which the next one begins."""
-    total_bytes: Annotated[int, Field(gt=0)] = 4 * 1024 * 1024 * 1024
+    total_bytes: Count = 4 * 1024 * 1024 * 1024
     """Largest size of the log as it is stored, older segments packed. The oldest are removed first."""
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """Segments without a new line for this long are removed."""
@@ -313,7 +315,7 @@ class Reading(Section):
     """A robot without a message for this long is silent."""
     forget_after_s: Seconds = 86400.0
     """A robot without a message for this long is removed. Until then it is an obstacle."""
-    max_robots_per_vendor: Annotated[int, Field(gt=0)] = 20000
+    max_robots_per_vendor: Count = 20000
     """Most robots of one vendor, for senders that invent UUIDs. Further robots are refused."""
     clock_tolerance_s: Seconds = 0.25
     """Errors of a sender's clock below this are ignored: its messages count as delayed."""

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from deconflict.operator.blackbox.start_state import site_of
-from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.command_parsers import Commands, add_command, number_in
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
 from ingest.plain_files import read_file
@@ -37,6 +36,7 @@ from metrics.whatif.question_options import add_whatif
 
 LINES_PER_UPDATE = 500
 """Lines between two updates of the progress bar."""
+MOST_CLEARANCE_M = 100_000
 SLIGHT_S = 1.0
 """Messages that are out of order by at most this are harmless. They occur if several sockets are read."""
 
@@ -82,7 +82,11 @@ def _add_replay(commands: Commands) -> None:
     _add_logs(replay_command, "*")
     _add_settings(replay_command)
     replay_command.add_argument(
-        "--clearance", nargs="+", type=_clearance_m, metavar="M", help="in metres; by default the site's"
+        "--clearance",
+        nargs="+",
+        type=number_in(0, MOST_CLEARANCE_M),
+        metavar="M",
+        help="in metres; by default the site's",
     )
     replay_command.add_argument(
         "--each", action="store_true", help="each LOG by itself, with a result for each, in OUT-LOG.json"
@@ -118,16 +122,6 @@ def _add_settings(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help="override a setting of the site"
     )
-
-
-def _clearance_m(text: str) -> float:
-    try:
-        clearance_m = float(text)
-    except ValueError:
-        clearance_m = inf
-    if not 0 <= clearance_m < inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a distance: give metres, 0 or more, such as 0.3")
-    return clearance_m
 
 
 def _replay(args: argparse.Namespace) -> int:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from deconflict.operator.blackbox.start_state import StartState, head_of, start_of
-from deconflict.runtime.command_parsers import positive
+from deconflict.runtime.command_parsers import MOST_JOBS, whole_in
 from deconflict.runtime.worker_process import end_with_command
 from deconflict.settings.site import Site
 from ingest.recording.log_reader import Event, LogReader
@@ -83,7 +83,7 @@ def add_processes(command: argparse.ArgumentParser) -> None:
     """Add the options that say where replays run."""
     command.add_argument(
         "--jobs",
-        type=positive,
+        type=whole_in(1, MOST_JOBS),
         default=len(os.sched_getaffinity(0)),
         metavar="N",
         help="replays at once: each log, variant and clearance is one, in a process of its own "

@@ -1,22 +1,29 @@
 """The unit file is one that systemd accepts and calls well shut in; the container file takes the same steps."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
+import trustme
 import yaml
 
 from deconflict.__main__ import parser
+from deconflict.operator.http.access import verify_credentials
 from deconflict.roles.processes.role_process import STOP_TIMEOUT_S
-from deconflict.settings.site import DEFAULT
+from deconflict.settings.site import DEFAULT, Operator, Site
+from ingest.security.tokens import SecretError
+from ingest.settings import Tls, Vendor
 
 ROOT = Path(__file__).parent.parent
 COMPOSE, MONITORING = ROOT / "deploy" / "compose.yaml", ROOT / "deploy" / "monitoring"
 UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"
+NOBODY = 65534
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
 
@@ -28,8 +35,55 @@ def analyze(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     runnable = tmp_path / UNIT.name
     runnable.write_text(re.sub(r"ExecStart=\S+", "ExecStart=/bin/true", UNIT.read_text()))
+    drop_in = tmp_path / f"{UNIT.name}.d" / "override.conf"
+    drop_in.parent.mkdir()
+    drop_in.write_text(f"[Service]\n{handed_over()[0]}\n")
     judged = analyze("verify", "--man=no", str(runnable))
     assert (judged.returncode, judged.stderr) == (0, "")
+
+
+def handed_over() -> tuple[str, str]:
+    """The line of the document that has systemd hand a secret over, and the source that the site file names."""
+    document = (ROOT / "docs" / "operation.md").read_text()
+    line, source = re.search(r"`(LoadCredential=\S+)`", document), re.search(r'`token = "(file:[^"]+)"`', document)
+    assert line
+    assert source
+    return line[1], source[1]
+
+
+def test_the_site_file_names_the_secret_where_systemd_puts_it() -> None:
+    line, source = handed_over()
+    name = line.partition("=")[2].partition(":")[0]
+    assert source == f"file:/run/credentials/{UNIT.name}/{name}"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+def test_secrets_and_keys_that_systemd_hands_over_are_read_by_the_user_of_the_unit_alone() -> None:
+    with tempfile.TemporaryDirectory() as home:
+        credentials, source = Path(home) / "credentials", Path(home) / "alder"
+        credentials.mkdir()
+        for place in (source, credentials / "alder"):
+            place.write_text("alder-0123456789abcdef\n")
+        trustme.CA().issue_cert("localhost").private_key_and_cert_chain_pem.write_to_path(str(credentials / "site"))
+        for file in credentials.iterdir():
+            file.chmod(0o400)
+            os.chown(file, NOBODY, NOBODY)
+        source.chmod(0o600)
+        credentials.chmod(0o500)
+        for folder in (credentials, Path(home)):
+            os.chown(folder, NOBODY, NOBODY)
+
+        def site(token: Path) -> Site:
+            tls = Tls(certificate=str(credentials / "site"))
+            return Site(vendors=(Vendor(name="Alder", token=f"file:{token}"),), operator=Operator(tls=tls))
+
+        os.seteuid(NOBODY)
+        try:
+            verify_credentials(site(credentials / "alder"))
+            with pytest.raises(SecretError, match="PermissionError; expected a readable file"):
+                verify_credentials(site(source))
+        finally:
+            os.seteuid(0)
 
 
 @needs_systemd

@@ -16,7 +16,7 @@ from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.roles.processes.ports import port_number, refuse_taken
 from deconflict.roles.processes.supervisor import PARTS, PORTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
-from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.command_parsers import LONGEST_S, Commands, add_command, number_in
 from deconflict.runtime.data_lock import create_data_directory, locked
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
@@ -148,7 +148,7 @@ def add_site_new(parts: Commands) -> None:
     )
     new_parser.add_argument(
         "--seconds",
-        type=float,
+        type=number_in(0, LONGEST_S),
         default=60.0,
         metavar="S",
         help="how long to listen; 0 only asks (default: %(default)s)",

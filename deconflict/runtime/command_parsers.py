@@ -1,16 +1,24 @@
 """What all commands share: their parsers with examples, the exit code, and the garbage collector's thresholds."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+LONGEST_S = 366 * 86_400
+"""The longest time that a command is told to run for."""
+MOST_JOBS = 1000
+MOST_SHOWN = 40
+"""Characters of a wrong argument that are repeated."""
 MISUSED = 2
 """Exit code if arguments, the site file, a log or credentials can't be used: the same for every command."""
 GC_THRESHOLDS = (50_000, 20, 100)
 """Thresholds of Python's cyclic garbage collector. Reference cycles are rare here. A high threshold avoids scans of
 millions of objects."""
+
+_Number = TypeVar("_Number", int, float)
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -39,8 +47,21 @@ def add_command(commands: Commands, name: str, purpose: str, *examples: str) -> 
     )
 
 
-def positive(text: str) -> int:
-    """The type of an argument that counts something."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
-    return int(text)
+def number_in(least: float, most: float) -> Callable[[str], float]:
+    """The type of an argument that is a number in a range."""
+    return _within(float, "number", least, most)
+
+
+def whole_in(least: int, most: int) -> Callable[[str], int]:
+    """The type of an argument that is a whole number in a range."""
+    return _within(int, "whole number", least, most)
+
+
+def _within(read: Callable[[str], _Number], noun: str, least: _Number, most: _Number) -> Callable[[str], _Number]:
+    def argument(text: str) -> _Number:
+        with suppress(ValueError):
+            if least <= (found := read(text)) <= most:
+                return found
+        raise argparse.ArgumentTypeError(f"{text[:MOST_SHOWN]!r} is not in range: give a {noun} from {least} to {most}")
+
+    return argument

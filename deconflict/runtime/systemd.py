@@ -19,7 +19,7 @@ class Notifier:
         path = environment.get("NOTIFY_SOCKET", "")
         self._address = "\0" + path[1:] if path.startswith("@") else path
         is_for_us = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
-        interval_s = float(environment.get("WATCHDOG_USEC", 0)) / 1e6 if is_for_us else 0.0
+        interval_s = _watchdog_s(environment.get("WATCHDOG_USEC", "0")) if is_for_us else 0.0
         self._every_s, self._due_s = interval_s / 4, -inf if interval_s else inf
 
     def send(self, *lines: str) -> None:
@@ -41,3 +41,11 @@ class Notifier:
         if now_s >= self._due_s:
             self._due_s = now_s + self._every_s
             self.send("WATCHDOG=1")
+
+
+def _watchdog_s(text: str) -> float:
+    """The interval of `WATCHDOG_USEC`; 0 if it is none: then no watchdog message is sent."""
+    if text.isascii() and text.isdecimal():
+        return float(text) / 1e6
+    log.warning("WATCHDOG_USEC is no number of microseconds, so the service manager is sent no watchdog messages")
+    return 0.0

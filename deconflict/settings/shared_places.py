@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import shapely
 from pydantic import Field
 
-from ingest.settings import Coordinate, Datum, DatumId, Seconds, Section
+from ingest.settings import MOST_COUNTED, Coordinate, Datum, DatumId, Seconds, Section
 
 Point = tuple[Coordinate, Coordinate]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3)]
@@ -35,7 +35,7 @@ class Place(Section):
     """The floor it is on."""
     polygon: Polygon
     """Outline, metres in the floor's frame."""
-    capacity: Annotated[int, Field(ge=1)] = 1
+    capacity: Annotated[int, Field(ge=1, le=MOST_COUNTED)] = 1
     """Number of robots that it holds at once."""
 
     @property

@@ -11,6 +11,7 @@ from deconflict.settings.shared_places import ContentionSettings, NamedArea, Obs
 from ingest.fleet.owners.device_kinds import has_only_people
 from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.settings import (
+    Count,
     Datum,
     Metres,
     Reading,
@@ -127,7 +128,7 @@ class StoreSettings(Section):
     """Data directory, relative to the working directory. Two services must not share one."""
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """How long a cleared advisory is kept; open ones stay."""
-    advisories_bytes: Annotated[int, Field(gt=0)] = 4 << 30
+    advisories_bytes: Count = 4 << 30
     """Above this size of the database cleared advisories are removed, the oldest of the vendors with most first."""
 
 
@@ -136,7 +137,7 @@ class LossSettings(Section):
 
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 100.0
     """How long an hour of the ledger is kept."""
-    most_bytes: Annotated[int, Field(gt=0)] = 1 << 30
+    most_bytes: Count = 1 << 30
     """Above this size of the ledger its oldest hours are removed."""
     currency: str = ""
     """Unit of the costs, such as "EUR"."""
@@ -153,9 +154,9 @@ class BlackBox(Section):
     """Time before a near miss that its file covers."""
     after_s: Seconds = 60.0
     """Time after a near miss that its file covers."""
-    files: Annotated[int, Field(gt=0)] = 500
+    files: Count = 500
     """Most files; the oldest are removed first."""
-    total_bytes: Annotated[int, Field(gt=0)] = 1024 * 1024 * 1024
+    total_bytes: Count = 1024 * 1024 * 1024
     """Largest size of all files; the oldest are removed first."""
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 30.0
     """Files older than this are removed."""

@@ -1,7 +1,8 @@
 """`deconflict check`: a report on a site file, to read before robots depend on it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from math import degrees, dist
 from pathlib import Path
 from typing import TextIO
@@ -61,10 +62,16 @@ LARGE_ENVELOPE_M, LARGE_CLEARANCE_M = 10.0, 5.0
 """Larger values are questioned: they may be in another unit."""
 
 
-def check(path: Path, out: TextIO, verify: Callable[[Site], object] = lambda _: None) -> int:
+def check(
+    path: Path,
+    out: TextIO,
+    verify: Callable[[Site], object] = lambda _: None,
+    needs: Callable[[Site], Iterable[str]] = lambda _: (),
+) -> int:
     """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
 
-    `verify` checks secrets and certificates; it raises `SecretError` or `CertificateError`.
+    `verify` checks secrets and certificates; it raises `SecretError` or `CertificateError`. `needs` says what the
+    site needs of the machine.
     """
     try:
         site = load(path)
@@ -72,7 +79,7 @@ def check(path: Path, out: TextIO, verify: Callable[[Site], object] = lambda _: 
         out.write(f"FAILED: {visible_lines(str(error))}\n")
         return FAULTY
     report = site_report(site, verify)
-    out.writelines(f"{visible(line)}\n" for line in report_lines(report))
+    out.writelines(f"{visible(line)}\n" for line in chain(report_lines(report), needs(site)))
     return FAULTY if report.problems else 0
 
 

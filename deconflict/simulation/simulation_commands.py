@@ -10,14 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deconflict.operator.http.api_sources import Exposition
+from deconflict.roles.processes.ports import LAST_PORT
 from deconflict.roles.service_commands import add_ports, check_access, settings_of
-from deconflict.runtime.command_parsers import MISUSED, Commands, add_command, positive
+from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in, whole_in
 from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 
 if TYPE_CHECKING:
     from deconflict.settings.site import Site
     from deconflict.simulation.demo.demo_floor import FollowingFloor
     from deconflict.simulation.drills.drill_scripts import Drill
+
+MOST_ROBOTS = 100_000
+LAST_SEED = (1 << 32) - 1
 
 
 def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
@@ -34,7 +38,7 @@ def add_simulation_commands(commands: Commands, exposition: Exposition) -> None:
     _add_simulated_world(demo_parser)
     demo_parser.add_argument(
         "--seconds",
-        type=float,
+        type=number_in(0, LONGEST_S),
         metavar="S",
         help="stop so long after the engine is ready; 60 without a terminal, else never",
     )
@@ -103,24 +107,34 @@ def _add_simulate(commands: Commands) -> None:
         help="an MQTT broker, where Basalt speaks VDA 5050 and Alder ISO 21423; the service needs it in its site file",
     )
     _add_simulated_world(simulate_parser)
-    simulate_parser.add_argument("--seconds", type=float, metavar="S", help="stop after this time; else at Ctrl-C")
+    simulate_parser.add_argument(
+        "--seconds", type=number_in(0, LONGEST_S), metavar="S", help="stop after this time; else at Ctrl-C"
+    )
     simulate_parser.set_defaults(run=_simulate)
 
 
 def _add_simulated_world(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--robots", type=positive, default=ROBOTS, metavar="N", help="number of simulated robots (default: %(default)s)"
+        "--robots",
+        type=whole_in(1, MOST_ROBOTS),
+        default=ROBOTS,
+        metavar="N",
+        help="number of simulated robots (default: %(default)s)",
     )
     command.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="seed of the simulated traffic (default: %(default)s)"
+        "--seed",
+        type=whole_in(0, LAST_SEED),
+        default=1,
+        metavar="N",
+        help="seed of the simulated traffic (default: %(default)s)",
     )
 
 
 def _broker(text: str) -> tuple[str, int]:
     host, _, port = text.partition(":")
-    if not host or (port and not port.isdigit()):
+    if not host:
         raise argparse.ArgumentTypeError(f"{text!r} is no broker; give HOST or HOST:PORT")
-    return host, int(port or 1883)
+    return host, whole_in(1, LAST_PORT)(port or "1883")
 
 
 def _drill_named(name: str) -> "Drill":

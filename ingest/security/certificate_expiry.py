@@ -1,10 +1,12 @@
 """When the certificates of a PEM file end. Python reads this of certificates of peers and authorities only."""
 
 import re
-import ssl
+from base64 import b64decode
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+
+from ingest.plain_files import opened
 
 MOST_FILE_BYTES = 1 << 20
 """A file of all authorities of a machine takes 200 kB."""
@@ -12,17 +14,16 @@ VALIDITY = 3
 """The place of the validity in a certificate, after serial number, algorithm and issuer (RFC 5280, 4.1)."""
 UTC_TIME, VERSION_TAG, CENTURY_TURN = 0x17, 0xA0, 50
 
-_PEM = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE-----", re.S)
+_PEM = re.compile(r"-----BEGIN (?:X509 |TRUSTED )?CERTIFICATE-----([^-]+)-----END ")
+"""The three names under which OpenSSL reads a certificate; the last one has a trailer."""
 
 
 def expires_s(file: str) -> float | None:
     """When the first of a file's certificates ends, as a time stamp. None if there is none that can be read."""
     try:
-        if not Path(file).is_file():
-            return None
-        with Path(file).open(encoding="ascii", errors="replace") as opened:
-            found = _PEM.findall(opened.read(MOST_FILE_BYTES))
-        return min((_not_after_s(ssl.PEM_cert_to_DER_cert(each)) for each in found), default=None)
+        with opened(Path(file), most_bytes=None) as content:
+            found = _PEM.findall(content.read(MOST_FILE_BYTES).decode("ascii", "replace"))
+        return min((_not_after_s(b64decode(each)) for each in found), default=None)
     except (OSError, ValueError, IndexError, StopIteration):
         return None
 

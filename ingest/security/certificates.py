@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ingest.plain_files import MOST_GIVEN_BYTES, UnfitFileError, unfit
 from ingest.settings import Tls
 
 log = logging.getLogger(__name__)
@@ -89,10 +90,10 @@ def client_context(ca: str = "", certificate: str = "") -> ssl.SSLContext:
 @contextmanager
 def reading(files: Iterable[str], expected: str) -> Iterator[None]:
     """Raises `CertificateError` if a file is none, or the block can't use the files."""
-    for file in files:
-        if Path(file).exists() and not Path(file).is_file():
-            raise CertificateError(f"{file}: is no file; {expected}")
     try:
+        for file in map(Path, files):
+            if reason := unfit(file, MOST_GIVEN_BYTES):
+                raise UnfitFileError(reason)
         yield
     except (OSError, ssl.SSLError) as error:
         raise CertificateError(f"{', '.join(files)}: {error}; {expected}") from error

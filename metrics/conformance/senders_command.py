@@ -3,19 +3,20 @@
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import httpx
 
-from deconflict.runtime.command_parsers import MISUSED, Commands, add_command
+from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in
 from ingest.languages.visible_text import visible_lines
+from ingest.security.certificates import client_context
 from ingest.security.tokens import secret
 from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
 
 TO_MEND = 1
 """Exit code if something is to be mended."""
 TIMEOUT_S = 30.0
+LEAST_S = 0.1
 
 
 def add_senders(commands: Commands) -> None:
@@ -31,26 +32,19 @@ def add_senders(commands: Commands) -> None:
         "url", nargs="?", default="http://127.0.0.1:8080", metavar="URL", help="the operators' port of the service"
     )
     command.add_argument(
-        "--seconds", type=_seconds, default=60.0, metavar="S", help="how long to watch (default: %(default)g)"
+        "--seconds",
+        type=number_in(LEAST_S, LONGEST_S),
+        default=60.0,
+        metavar="S",
+        help="how long to watch (default: %(default)g)",
     )
     command.add_argument("--token", metavar="SOURCE", help="source of a token that may read: env:NAME or file:PATH")
     command.add_argument(
         "--ca",
-        type=Path,
         metavar="FILE",
         help="PEM file of the authority of an https port; that of the system if absent",
     )
     command.set_defaults(run=_senders)
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0.0 < seconds <= 86_400.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time: give seconds above 0, such as 60")
-    return seconds
 
 
 def _senders(args: argparse.Namespace) -> int:
@@ -58,7 +52,7 @@ def _senders(args: argparse.Namespace) -> int:
     headers = {"authorization": f"Bearer {secret(args.token)}"} if args.token else {}
     try:
         with httpx.Client(
-            base_url=args.url, headers=headers, verify=str(args.ca) if args.ca else True, timeout=TIMEOUT_S
+            base_url=args.url, headers=headers, verify=client_context(args.ca or ""), timeout=TIMEOUT_S
         ) as http:
             before = _answers(http)
             sys.stderr.write(f"watching {args.url} for {args.seconds:g} s\n")

@@ -5,8 +5,8 @@ import sqlite3
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from datetime import datetime
+from contextlib import closing, contextmanager, suppress
+from datetime import UTC, datetime
 from math import inf
 from pathlib import Path
 
@@ -15,12 +15,15 @@ from deconflict.operator.ledger.loss_csv import as_csv
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
 from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
-from deconflict.runtime.command_parsers import Commands, add_command
+from deconflict.runtime.command_parsers import Commands, add_command, number_in
 from deconflict.settings import site, site_file
 from deconflict.settings.site import Site
 from metrics.export.day_files import write_days
 from metrics.replay_files import LogError, create_directory, write_text
 from metrics.report import loss_report
+
+MOST_DAYS = 36_500
+LAST_S = datetime(9999, 1, 1, tzinfo=UTC).timestamp()
 
 
 def add_ledger_commands(commands: Commands) -> None:
@@ -32,9 +35,11 @@ def add_ledger_commands(commands: Commands) -> None:
         "deconflict losses --days 1 --html day.html",
     )
     _add_ledger(losses)
-    losses.add_argument("--days", type=float, default=7.0, metavar="N", help="length of the span (default: 7)")
     losses.add_argument(
-        "--until", type=datetime.fromisoformat, metavar="TIME", help="its end, such as 2026-11-23; now if absent"
+        "--days", type=number_in(0, MOST_DAYS), default=7.0, metavar="N", help="length of the span (default: 7)"
+    )
+    losses.add_argument(
+        "--until", type=_moment_s, dest="until_s", metavar="TIME", help="its end, such as 2026-11-23; now if absent"
     )
     losses.add_argument("--html", type=Path, metavar="OUT.html", help="write the report to this file")
     losses.add_argument("--csv", type=Path, metavar="OUT.csv", help="write the sums of each day to this file")
@@ -57,6 +62,13 @@ def _add_ledger(command: argparse.ArgumentParser) -> None:
     command.add_argument("--site", type=Path, metavar="SITE.toml", help="site file, for costs and the names of floors")
 
 
+def _moment_s(text: str) -> float:
+    with suppress(ValueError, OverflowError):
+        if 0.0 <= (moment_s := datetime.fromisoformat(text).timestamp()) <= LAST_S:
+            return moment_s
+    raise argparse.ArgumentTypeError(f"{text!r} is no time from 1970 to 9998, such as 2026-11-23")
+
+
 @contextmanager
 def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
     """Raises `LogError` if the ledger can't be read, then and later."""
@@ -71,7 +83,7 @@ def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
 
 
 def _losses(args: argparse.Namespace) -> int:
-    until_s = args.until.timestamp() if args.until else time.time()
+    until_s = time.time() if args.until_s is None else args.until_s
     with _opened(args) as (ledger, used):
         from_s, ran_until_s = until_s - args.days * DAY_S, min(until_s, _ran_until_s(args.data))
         tables = loss_report.loss_tables(ledger, used, from_s, until_s, ran_until_s)

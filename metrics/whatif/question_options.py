@@ -4,9 +4,9 @@ import argparse
 import os
 from pathlib import Path
 
-from deconflict.runtime.command_parsers import Commands, add_command, positive
+from deconflict.runtime.command_parsers import MOST_JOBS, Commands, add_command, whole_in
 
-SEEDS = 6
+SEEDS, MOST_SEEDS = 6, 1000
 
 
 def add_whatif(commands: Commands) -> argparse.ArgumentParser:
@@ -22,10 +22,18 @@ def add_whatif(commands: Commands) -> argparse.ArgumentParser:
     _add_changes(command.add_mutually_exclusive_group(required=True))
     command.add_argument("--reverse", action="store_true", help="with --one-way: the other direction")
     command.add_argument(
-        "--seeds", type=positive, default=SEEDS, metavar="N", help=f"runs with and without it (default: {SEEDS})"
+        "--seeds",
+        type=whole_in(1, MOST_SEEDS),
+        default=SEEDS,
+        metavar="N",
+        help=f"runs with and without it (default: {SEEDS})",
     )
     command.add_argument(
-        "--jobs", type=positive, default=os.cpu_count() or 1, metavar="N", help="runs at once (default: one a core)"
+        "--jobs",
+        type=whole_in(1, MOST_JOBS),
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="runs at once (default: one a core)",
     )
     command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the answer to this file")
     return command

@@ -59,7 +59,7 @@ def _metres(texts: Sequence[str]) -> float | None:
     if not texts:
         return None
     [text, *more] = texts
-    if more or not re.fullmatch(r"\d?\.\d+|[1-9](\.\d*)?", text):
+    if more or not re.fullmatch(r"\d?\.\d+|[1-9](\.\d*)?", text) or float(text) < 0.1:
         raise ChangeError(f"{' '.join(texts)!r} is no width: give metres from 0.1 to 9.9, such as 1.5")
     return float(text)
 

@@ -34,7 +34,7 @@ def test_a_clearance_that_is_not_a_distance_is_refused(
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         run("replay", log, f"--clearance={clearance}")
-    assert f"{clearance!r} is not a distance: give metres, 0 or more" in capsys.readouterr().err
+    assert f"{clearance!r} is not in range: give a number from 0 to 100000" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

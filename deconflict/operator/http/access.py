@@ -21,6 +21,7 @@ from ingest.port.connection_shares import site_of
 from ingest.security.certificates import Certificates, client_context
 from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import host_of, is_fetched_elsewhere, is_fixed, is_loopback
+from ingest.security.refused_clients import RefusedClients
 from ingest.security.tokens import Tokens, secret_of
 from ingest.security.vendor_credentials import VendorCredentials
 
@@ -126,7 +127,7 @@ class AccessMiddleware:
         self._app, self._people, self._signed_in = app, people, signed_in
         self._secure, self._is_local = settings.tls is not None, is_loopback(settings.host)
         self._sessions: dict[str, SignIn] = {}
-        self._failed = FailedSignIns()
+        self._failed, self._clients = FailedSignIns(), RefusedClients()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -146,9 +147,9 @@ class AccessMiddleware:
             is_fetched_elsewhere(headers.getlist("origin"), headers.getlist("sec-fetch-site"))
             and not _is_followed_link(method, headers)
         ):
-            return _refused(403, "pages of other sites may not use this service")
+            return self._refused(scope, 403, "pages of other sites may not use this service")
         if not self._people:
-            return self._refusal_without_people(headers)
+            return self._refusal_without_people(scope, headers)
         if path == "/login":
             return await self._log_in(Request(scope, receive)) if method == "POST" else _login_page("")
         signed_in = self._people.sign_in(headers.get("authorization")) or self._of_session(headers)
@@ -158,24 +159,36 @@ class AccessMiddleware:
 
     async def _slow_down(self, scope: Scope) -> None:
         """Let the answer to a wrong token wait, the longer the more there were from this address."""
-        address = site_of((scope.get("client") or ("",))[0])
-        await asyncio.sleep(self._failed.delay_s(address, asyncio.get_running_loop().time()))
+        await asyncio.sleep(self._failed.delay_s(_address(scope), asyncio.get_running_loop().time()))
 
-    def _refusal_without_people(self, headers: Headers) -> Response | None:
+    def _refused(self, scope: Scope, status: int, reason: str, logged: str = "") -> Response:
+        """The answer to a request of a program. `logged` is the reason in the log, if it is another there."""
+        self._clients.note(f"{_address(scope)} at the operators' port", logged or reason)
+        headers = {"www-authenticate": "Bearer"} if status == 401 else {}
+        return JSONResponse({"detail": reason}, status, headers)
+
+    def _refusal_without_people(self, scope: Scope, headers: Headers) -> Response | None:
         """Refuses other host names on a local port: such a request may be DNS rebinding by another site's page."""
         host = host_of(headers.get("host", ""))
         if self._is_local and not is_fixed(host):
-            return _refused(403, "use localhost or an address; to use another host name, name operator.people")
+            return self._refused(
+                scope, 403, "use localhost or an address; to use another host name, name operator.people"
+            )
         return None
 
     def _refusal_of(self, signed_in: SignIn | None, scope: Scope, method: str, headers: Headers) -> Response | None:
         person, role = (signed_in.person, self._people.role(signed_in)) if signed_in else ("", None)
         if signed_in is None or role is None:
             wants_page = method == "GET" and "text/html" in headers.get("accept", "")
-            return _login_page("") if wants_page else _refused(401, "send 'Authorization: Bearer TOKEN', or sign in")
+            if wants_page:
+                return _login_page("")
+            logged = (
+                "its token is nobody's" if "authorization" in headers else "it sends no token and has not signed in"
+            )
+            return self._refused(scope, 401, "send 'Authorization: Bearer TOKEN', or sign in", logged)
         needed = role_needed(method, scope["path"])
         if RANK[role] < RANK[needed]:
-            return _refused(403, f"{person} has the role {role}; this takes the role {needed}")
+            return self._refused(scope, 403, f"{person} has the role {role}; this takes the role {needed}")
         self._signed_in(scope.get("client"), person)
         scope.setdefault("state", {})["person"] = person
         scope["state"]["signed_in"] = signed_in
@@ -201,11 +214,14 @@ class AccessMiddleware:
         async for chunk in request.stream():
             body += chunk
             if len(body) > MOST_FORM_BYTES:
-                return _refused(413, "the form is too long")
+                return self._refused(request.scope, 413, "the form is too long")
         token = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
         signed_in = self._people.sign_in(f"Bearer {token}")
         if signed_in is None:
             await self._slow_down(request.scope)
+            self._clients.note(
+                f"{_address(request.scope)} at the operators' port", "it signs in with a token that is nobody's"
+            )
             return _login_page("That token is not known.")
         session = secrets.token_urlsafe(32)
         theirs = [name for name, other in self._sessions.items() if other.person == signed_in.person]
@@ -239,9 +255,9 @@ def _is_followed_link(method: str, headers: Headers) -> bool:
     )
 
 
-def _refused(status: int, reason: str) -> Response:
-    headers = {"www-authenticate": "Bearer"} if status == 401 else {}
-    return JSONResponse({"detail": reason}, status, headers)
+def _address(scope: Scope) -> str:
+    """Of the client, or the network of an IPv6 address."""
+    return site_of((scope.get("client") or ("",))[0])
 
 
 def _login_page(problem: str) -> Response:

@@ -15,17 +15,23 @@ from deconflict.operator.store import learned_file, sqlite_connections
 from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.operator.store.tables import last_seq, read_only
 from deconflict.runtime.command_parsers import Commands, add_command
-from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
+from deconflict.runtime.data_lock import LOCKS, DataDirectoryError, create_data_directory
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
-from ingest.plain_files import check_database, opened, unfit
+from ingest.languages.visible_text import visible
+from ingest.plain_files import SIDE_FILES, check_database, opened, unfit, with_advice
 from ingest.recording import clock_notes
 from ingest.recording.log_segments import packed_name, segments
+from ingest.recording.replaced_file import ASIDE
 
 DATABASES = (sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME)
 WHOLE = (owner_file.FILE_NAME, learned_file.FILE_NAME, clock_notes.FILE_NAME)
 """Files that the service replaces as a whole."""
 LOG = "log"
+SET_ASIDE = ("advisories-*.db", "losses-*.db", f"*{ASIDE}")
+"""Files that the service renamed, since they were damaged. Nobody writes to them, so they are copied as they are."""
+ADVICE = "a start of the service sets a damaged one aside"
+NEVER_COPIED = (LOCKS, "*.new", "*.unfinished")
 
 
 def add_backup(commands: Commands) -> None:
@@ -45,6 +51,7 @@ def add_backup(commands: Commands) -> None:
 def _backup(args: argparse.Namespace) -> int:
     copied = backed_up(args.data, args.target)
     sys.stdout.write(f"{args.target}: {copied} files\n")
+    sys.stdout.writelines(f"not copied: {visible(name)}\n" for name in left_out(args.data, args.target))
     return 0
 
 
@@ -68,6 +75,16 @@ def backed_up(data: Path, target: Path) -> int:
     return copied
 
 
+def left_out(data: Path, target: Path) -> list[str]:
+    """What the directory has that is none of the service's files, or could not be copied as one."""
+    kept = (*NEVER_COPIED, *(name + suffix for name in (*DATABASES, *SET_ASIDE) for suffix in SIDE_FILES))
+    return sorted(
+        path.name
+        for path in data.iterdir()
+        if not (target / path.name).exists() and not any(path.match(pattern) for pattern in kept)
+    )
+
+
 def _copies(data: Path, target: Path) -> Iterator[bool]:
     """Copies one file after another. The log comes first: the database is not older than what it decided."""
     for folder, files in ((LOG, segments(data / LOG)), (BOXES, sorted(_files(data / BOXES)))):
@@ -76,6 +93,10 @@ def _copies(data: Path, target: Path) -> Iterator[bool]:
             yield _copy(file, target / folder) or _copy(packed_name(file), target / folder)
     for name in WHOLE:
         yield _copy(data / name, target)
+    for file in (found for pattern in SET_ASIDE for found in sorted(data.glob(pattern))):
+        yield _copy(file, target)
+        for suffix in SIDE_FILES:
+            yield _copy(file.with_name(file.name + suffix), target)
     for name in DATABASES:
         yield _copy_database(data / name, target / name)
     _have_start_begin_an_epoch(data, target)
@@ -103,9 +124,12 @@ def _copy_database(path: Path, copy: Path) -> bool:
     """A copy of one moment, whatever is written meanwhile. Writers do not wait."""
     if not path.exists():
         return False
-    check_database(path)
-    with read_only(path) as source, closing(sqlite3.connect(copy)) as target:
-        source.backup(target)
+    try:
+        check_database(path)
+        with read_only(path) as source, closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+    except sqlite3.Error as error:
+        raise sqlite3.OperationalError(f"{path}: {with_advice(error, ADVICE)}") from error
     return True
 
 

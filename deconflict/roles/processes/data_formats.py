@@ -36,7 +36,9 @@ def refuse_newer(data: Path) -> None:
             problems.append(f"{data / name} has format {found} and this release reads up to {known}")
     if problems:
         text = "; ".join(problems)
-        raise DataDirectoryError(f"{text}: run the newer release that wrote it, or choose another directory")
+        raise DataDirectoryError(
+            f"{text}: run the newer release that wrote it, or start with the backup from before the upgrade"
+        )
 
 
 def _database_format(path: Path) -> int | None:

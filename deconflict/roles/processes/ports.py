@@ -1,15 +1,17 @@
 """The network ports of the service: refused before it starts if it can't listen on them."""
 
-import argparse
 import os
 import socket
 from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import Protocol
 
+from deconflict.runtime.command_parsers import whole_in
 from deconflict.settings.site import Site
 
 LAST_PORT = 65535
+port_number = whole_in(0, LAST_PORT)
+"""The type of an argument that is a port; 0 is any free one."""
 
 
 class Address(Protocol):
@@ -31,13 +33,6 @@ class PortTakenError(OSError):
         where = f"{address.host}:{address.port}"
         super().__init__(f"can't listen on {where}: {why}. Set another {section}.port or {section}.host")
         self.errno = error.errno
-
-
-def port_number(text: str) -> int:
-    """The type of an argument that is a port."""
-    if not (text.isascii() and text.isdecimal()) or int(text) > LAST_PORT:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port: a whole number from 0, any free port, to {LAST_PORT}")
-    return int(text)
 
 
 def listen_at(section: str, address: Address) -> socket.socket:

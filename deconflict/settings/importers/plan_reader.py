@@ -17,6 +17,8 @@ from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 from ingest.settings import Section
 
 WIDTH_M = 1.2
+WIDTHS_M = 0.1, 100
+"""The range of widths that a person may give."""
 
 HEAD = """\
 # From {file}. Complete what the plan does not contain:

@@ -2,12 +2,15 @@
 
 import asyncio
 from contextlib import suppress
+from unittest.mock import Mock
 
 import pytest
 import trustme
 from websockets.asyncio.client import connect
 
 from ingest.port import receiver
+from ingest.security.certificates import Certificates
+from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.settings import Tls
 from tests.helpers.patience import PATIENCE_S
 from tests.ingest.port.made_receiver import floor, until
@@ -73,3 +76,18 @@ async def test_closing_the_port_ends_handshakes_that_go_on(site_tls: Tls) -> Non
     await ended(reader)
     assert not shaking
     writer.close()
+
+
+async def test_a_connection_that_ends_together_with_its_handshake_is_not_begun(
+    site_tls: Tls, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def start_tls(transport: Mock, early: asyncio.Protocol, *_: object, **__: object) -> Mock:
+        early.connection_lost(None)
+        return transport
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "start_tls", start_tls)
+    protocol, failed = Mock(), Mock()
+    handshakes = TlsHandshakes(Certificates(site_tls), 1.0, failed)
+    await handshakes.begin(Mock(), protocol)
+    assert not protocol.mock_calls
+    assert not failed.mock_calls

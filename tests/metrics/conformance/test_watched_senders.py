@@ -171,4 +171,4 @@ def test_a_service_that_does_not_answer_is_an_error_of_its_own(url: str, capsys:
 def test_a_time_that_is_none_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         senders("--seconds", seconds)
-    assert "give seconds above 0" in capsys.readouterr().err
+    assert "give a number from 0.1 to" in capsys.readouterr().err

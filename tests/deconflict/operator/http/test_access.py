@@ -95,6 +95,32 @@ async def test_a_browser_signs_in_once(tmp_path: Path, people: tuple[Person, ...
         assert (await browser.get("/advisories")).status_code == 200
 
 
+async def test_refused_requests_are_logged_once_for_each_reason_and_never_with_their_token(
+    tmp_path: Path, people: tuple[Person, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    guessed = "guessed-0123456789abcdef"
+    async with served(tmp_path, people=people) as face, http_client(face.http) as client:
+        for _ in range(2):
+            await client.get("/", headers={"accept": "text/html"})
+            await client.get(f"/advisories?token={guessed}")
+            await client.get("/robots", headers=bearer(guessed))
+            await client.post("/login", data={"token": guessed})
+            await client.post("/site/reload", headers=bearer(READER))
+            await client.get("/advisories", headers={"origin": "https://elsewhere.example"})
+            with pytest.raises(InvalidStatus):
+                await connect(face.stream(), additional_headers=bearer(guessed))
+    logged = [record.getMessage() for record in caplog.records if "is refused" in record.getMessage()]
+    begin = "127.0.0.1 at the operators' port is refused, which is logged once an hour: "
+    assert logged == [
+        f"{begin}it sends no token and has not signed in",
+        f"{begin}its token is nobody's",
+        f"{begin}it signs in with a token that is nobody's",
+        f"{begin}wallboard has the role read; this takes the role administer",
+        f"{begin}pages of other sites may not use this service",
+    ]
+    assert not any(secret in caplog.text for secret in (guessed, READER, "elsewhere"))
+
+
 async def test_reloading_the_site_needs_the_role_administer(tmp_path: Path, people: tuple[Person, ...]) -> None:
     chief = Person(name="Grace", role="administer", token="env:CHIEF")
     async with (

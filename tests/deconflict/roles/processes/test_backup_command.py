@@ -1,5 +1,7 @@
 """`deconflict backup` of a service under traffic, and a start with the copy."""
 
+import asyncio
+import os
 import sqlite3
 import time
 from contextlib import closing
@@ -7,15 +9,25 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.roles.processes.backup_command import backed_up
+from deconflict.roles.processes.backup_command import backed_up, left_out
 from deconflict.runtime.data_lock import DataDirectoryError
+from deconflict_client.client import Client, PositionLostError
 from ingest.recording.log_reader import LogReader, Received
 from tests.deconflict.roles.made_service import Served, healthy
+from tests.helpers.patience import PATIENCE_S
 
 
 def stored(data: Path) -> dict[int, str]:
     with closing(sqlite3.connect(data / "advisories.db")) as db:
         return dict(db.execute("SELECT seq, document FROM revisions ORDER BY seq").fetchall())
+
+
+async def is_told_to_read_again(service: Served, last: int) -> None:
+    """A subscriber of the service before, and one that reads anew after that."""
+    async with Client(service.face_url) as client, asyncio.timeout(PATIENCE_S):
+        with pytest.raises(PositionLostError):
+            await anext(client.follow(after=last))
+        assert (await client.open()).seq != last
 
 
 async def test_a_copy_of_a_running_service_goes_on_without_giving_a_number_twice(tmp_path: Path) -> None:
@@ -35,8 +47,10 @@ async def test_a_copy_of_a_running_service_goes_on_without_giving_a_number_twice
     restored = Served(copy)
     with restored.running():
         await restored.until("/healthz", healthy)
+        await is_told_to_read_again(restored, max(given))
         async with restored.with_robots(time.time()):
             await restored.until("/advisories", lambda _: max(stored(copy)) > max(copied))
+        await is_told_to_read_again(restored, max(given))
     after = stored(copy)
     assert {seq: text for seq, text in after.items() if seq in copied} == copied
     assert min(after.keys() - copied.keys()) > max(given)
@@ -52,6 +66,22 @@ def test_a_copy_replaces_nothing_and_is_whole_or_not_there(tmp_path: Path) -> No
     with pytest.raises(DataDirectoryError):
         backed_up(there, tmp_path / "copy")
     (data / "losses.db").write_bytes(b"no database" * 100)
-    with pytest.raises(DataDirectoryError):
+    with pytest.raises(DataDirectoryError, match=r"losses\.db: file is not a database; a start of the service sets"):
         backed_up(data, tmp_path / "copy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "there"]
+
+
+def test_what_was_set_aside_is_copied_and_what_is_not_copied_is_named(tmp_path: Path) -> None:
+    data, copy = tmp_path / "data", tmp_path / "copy"
+    (data / "log").mkdir(parents=True)
+    aside = {"advisories-20260101T000000.db", "losses-20260101T000000.db", "owners.json.unreadable"}
+    aside |= {"advisories-20260101T000000.db-wal"}
+    for name in (*aside, ".face.lock", "advisories.db-shm", "learned.new", "notes.txt", "\x1b[2J"):
+        (data / name).write_text(name)
+    os.mkfifo(data / "owners.json")
+    os.mkfifo(data / "robots.db.unreadable")
+    backed_up(data, copy)
+    assert {path.name: path.read_text() for path in copy.iterdir() if path.name in aside} == {
+        name: name for name in aside
+    }
+    assert left_out(data, copy) == ["\x1b[2J", "notes.txt", "owners.json", "robots.db.unreadable"]

@@ -17,6 +17,7 @@ import pytest
 from deconflict.operator.blackbox.archive import FOLDER, REGISTER, Archive
 from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
+from deconflict.roles.processes.backup_command import backed_up
 from deconflict.roles.processes.data_formats import FILES, refuse_newer
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.learned_state import HEAD
@@ -85,6 +86,23 @@ def test_a_service_with_a_file_of_a_newer_release_ends_with_a_sentence_and_leave
     (sentence,) = [line for line in ended.stderr.splitlines() if line.startswith("deconflict:")]
     assert f"{data / name} has format 99 and this release reads up to {FILES[name][1]}" in sentence
     assert {path: path.read_bytes() for path in before} == before
+
+
+async def test_an_older_release_goes_back_to_the_copy_from_before_an_upgrade(data: Path, tmp_path: Path) -> None:
+    """Here this release is the older one: the newer one has written each file in a form that it can't read."""
+    before = tmp_path / "before"
+    backed_up(data, before)
+    async with running(data) as service:
+        then = await service.until("/advisories?state=all", lambda answer: bool(answer["advisories"]))
+    for name in FILES:
+        make_newer(data / name)
+        assert (before / name).is_file()
+    with pytest.raises(DataDirectoryError, match="or start with the backup from before the upgrade"):
+        refuse_newer(data)
+    refuse_newer(before)
+    async with running(before) as service:
+        now = await service.until("/advisories?state=all", lambda answer: bool(answer["advisories"]))
+    assert {each["id"] for each in now["advisories"]} == {each["id"] for each in then["advisories"]}
 
 
 def test_a_newer_format_that_is_still_in_the_journal_is_seen(data: Path) -> None:

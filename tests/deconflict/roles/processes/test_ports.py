@@ -70,7 +70,7 @@ def test_a_port_is_a_number_that_ports_have(
     with pytest.raises(SystemExit) as ended:
         parser().parse_args([command, f"{option}={port}"])
     assert ended.value.code == MISUSED
-    assert f"{port!r} is no port" in capsys.readouterr().err
+    assert f"{port!r} is not in range: give a whole number from 0 to 65535" in capsys.readouterr().err
 
 
 async def test_a_service_runs_nothing_of_the_working_directory(tmp_path: Path) -> None:
