@@ -13,9 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
 from deconflict.operator.blackbox.start_state import site_of
 from deconflict.runtime.command_parsers import Commands, add_command, number_in
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
@@ -315,6 +312,15 @@ def _named(logs: Iterable[Path]) -> str:
 @contextmanager
 def _with_progress(reader: LogReader, files: Sequence[Path]) -> Iterator[Iterator[Event]]:
     """The events of the files, with a progress bar if standard error is a terminal."""
+    from rich.console import Console  # noqa: PLC0415 - the command line starts without it
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     console = Console(stderr=True)
     if not console.is_terminal:
         yield reader.read(files)

@@ -57,10 +57,19 @@ HARMLESS = {("check", "empty.jsonl"), ("blackbox", "folder"), ("blackbox", "box.
 """An empty site file is a site, and an empty directory has no near misses. A broken box is a finding."""
 
 
-@pytest.fixture
-def hostile(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("written")
     for name, content in CONTENTS.items():
-        (tmp_path / name).write_bytes(content)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+@pytest.fixture
+def hostile(tmp_path: Path, written: Path) -> Path:
+    """A folder with a name for each file: to write 20 MB for each test would take most of its time."""
+    for name in CONTENTS:
+        (tmp_path / name).hardlink_to(written / name)
     os.mkfifo(tmp_path / "pipe.jsonl")
     (tmp_path / "folder" / "blackbox").mkdir(parents=True)
     for name in ("log.jsonl", "log.jsonl.zst", "losses.db", "advisories.db", "learned.npz", "blackbox/register.jsonl"):

@@ -304,7 +304,7 @@ NO_FACE = {"fastapi", "prometheus_client", "pyproj", "rich", "uvicorn"}
 @pytest.mark.parametrize(
     ("modules", "slow"),
     [
-        ("deconflict.__main__", NO_ENGINE | {"fastapi", "pyproj"}),
+        ("deconflict.__main__", NO_ENGINE | {"fastapi", "httpx", "pyproj", "rich", "yaml"}),
         ("deconflict.roles.__main__", NO_ENGINE | NO_FACE),
         ("deconflict.roles.__main__, deconflict.roles.receiver_role", NO_ENGINE | NO_FACE),
         ("deconflict.roles.__main__, deconflict.roles.operator_role", NO_ENGINE | {"pyproj"}),

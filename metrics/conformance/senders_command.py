@@ -3,15 +3,16 @@
 import argparse
 import sys
 import time
-from typing import Any
-
-import httpx
+from typing import TYPE_CHECKING, Any
 
 from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in
 from ingest.languages.visible_text import visible_lines
 from ingest.security.certificates import client_context
 from ingest.security.tokens import secret
 from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
+
+if TYPE_CHECKING:
+    import httpx
 
 TO_MEND = 1
 """Exit code if something is to be mended."""
@@ -49,6 +50,8 @@ def add_senders(commands: Commands) -> None:
 
 def _senders(args: argparse.Namespace) -> int:
     """0 if nothing is to be mended, 1 if something is, 2 if the service does not answer."""
+    import httpx  # noqa: PLC0415 - the command line starts without it
+
     headers = {"authorization": f"Bearer {secret(args.token)}"} if args.token else {}
     try:
         with httpx.Client(
@@ -67,7 +70,7 @@ def _senders(args: argparse.Namespace) -> int:
     return TO_MEND if notes or not vendors or any(vendor.to_mend for vendor in vendors) else 0
 
 
-def _answers(http: httpx.Client) -> Answers:
+def _answers(http: "httpx.Client") -> Answers:
     """What the API says now. Raises `httpx.HTTPError` or `ValueError` if it is not that of the service."""
     health = http.get("/healthz")  # 503 has the same document
     if health.status_code in (401, 403):
@@ -81,7 +84,7 @@ def _answers(http: httpx.Client) -> Answers:
     )
 
 
-def _listed(http: httpx.Client, path: str, key: str) -> list[dict[str, Any]]:
+def _listed(http: "httpx.Client", path: str, key: str) -> list[dict[str, Any]]:
     answer = http.get(path)
     answer.raise_for_status()
     try:

@@ -1,4 +1,4 @@
-"""Some minutes of the demo: the summary of a shift, a replay and the metrics count the same situations."""
+"""Two minutes and a half of the demo: the summary of a shift, a replay and the metrics count the same situations."""
 
 import json
 from collections import Counter
@@ -17,7 +17,7 @@ from deconflict_client.advisory import AdvisoryState
 from deconflict_client.situations import Situation
 from ingest.measures.measures import Measures
 
-SECONDS = 300.0
+SECONDS = 150.0
 
 
 class Told:

@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import NO_AUTHORITIES
 from tests.helpers.saying import status
 from tests.inventory import surface
 from tests.inventory.written_files import json_paths, written_lines
@@ -43,7 +44,8 @@ class Service:
 
     def ask(self, method: str, path: str, role: str = "") -> httpx.Response:
         headers = {"Authorization": f"Bearer {_token(role)}"} if role else {}
-        return httpx.request(method, f"http://127.0.0.1:{self.port}{path}", headers=headers, timeout=PATIENCE_S)
+        url = f"http://127.0.0.1:{self.port}{path}"
+        return httpx.request(method, url, headers=headers, timeout=PATIENCE_S, trust_env=False, verify=NO_AUTHORITIES)
 
     def is_busy(self) -> bool:
         """Whether robots are known and there was an advisory."""

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-import yaml
-
 from deconflict.settings.importers.drawing import DrawnSite, drawn_site
 from deconflict.settings.importers.metres import read_layout
 from deconflict.settings.importers.openrmf import read_building
@@ -42,6 +40,8 @@ def imported_toml(path: Path, width_m: float) -> str:
 
 def read_plan(path: Path) -> ImportedPlan:
     """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
+    import yaml  # noqa: PLC0415 - the command line starts without it
+
     try:
         text = read_file(path, MOST_GIVEN_BYTES).decode("utf-8-sig")
         if text.lstrip().startswith("<"):

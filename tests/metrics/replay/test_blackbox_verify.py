@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +7,7 @@ from typing import Any
 import pytest
 import zstandard
 
+from deconflict.__main__ import parser
 from deconflict.operator.blackbox.archive import REGISTER, Archive
 from deconflict.operator.blackbox.blackbox_writer import write_blackbox
 from deconflict.operator.blackbox.hash_chain import HashChain
@@ -16,7 +15,7 @@ from deconflict.operator.blackbox.start_state import BoxError, head_of
 from ingest.recording.log_reader import lines_of
 from metrics.replay.blackbox_verify import verify
 from tests.deconflict.operator.blackbox.made_floor import Floor, crossing, lived
-from tests.helpers.patience import PATIENCE_S
+from tests.helpers.commands import run
 
 
 @pytest.fixture(scope="module")
@@ -57,15 +56,17 @@ def test_changed_decisions_are_detected_by_the_replay(file: Path, tmp_path: Path
     assert [answer["event"] for answer in verdict.added] == ["raised"]
 
 
-def test_the_commands_verify_list_and_replay(floor: Floor, file: Path, tmp_path: Path) -> None:
-    proved = deconflict("blackbox", "verify", str(file))
-    assert (proved.returncode, "the replay gives the same" in proved.stdout) == (0, True), proved.stderr
-    listed = deconflict("blackbox", "list", "--data", str(floor.data)).stdout
+def test_the_commands_verify_list_and_replay(
+    floor: Floor, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run("blackbox", "verify", file)
+    assert "the replay gives the same" in capsys.readouterr().out
+    run("blackbox", "list", "--data", floor.data)
+    listed = capsys.readouterr().out
     assert str(file) in listed
     assert "for Alder B-1 would have avoided it" in listed
     advisories = tmp_path / "advisories.jsonl"
-    replayed = deconflict("replay", str(file), "--advisories", str(advisories), "--json", str(tmp_path / "out.json"))
-    assert replayed.returncode == 0, replayed.stderr
+    run("replay", file, "--advisories", advisories, "--json", tmp_path / "out.json")
     document = [json.loads(line)["id"] for line in advisories.read_text().splitlines()]
     assert {advisory.id for advisory in floor.decided} == set(document)
 
@@ -77,7 +78,9 @@ def test_a_changed_file_is_reported_with_the_place_of_the_change(file: Path, tmp
         verify(changed)
 
 
-def test_a_truncated_and_resealed_box_is_detected_by_the_register(file: Path) -> None:
+def test_a_truncated_and_resealed_box_is_detected_by_the_register(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Its own chain holds: so it does for whoever leaves the last lines out."""
     before, chain = file.read_bytes(), HashChain()
     try:
@@ -87,7 +90,9 @@ def test_a_truncated_and_resealed_box_is_detected_by_the_register(file: Path) ->
             out.write(chain.end())
         with pytest.raises(BoxError, match="was rewritten"):
             verify(file)
-        assert "was rewritten" in deconflict("blackbox", "verify", str(file)).stderr
+        args = parser().parse_args(["blackbox", "verify", str(file)])
+        assert args.run(args) == 1
+        assert "was rewritten" in capsys.readouterr().err
     finally:
         file.write_bytes(before)
     assert verify(file).same
@@ -137,13 +142,3 @@ def rewritten(file: Path, to: Path, change: Callable[[dict[str, Any]], dict[str,
 
 def unlinked(line: bytes) -> bytes:
     return b"{" + line[len(b'{"before":"') + 64 + len(b'",') :]
-
-
-def deconflict(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "deconflict", *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )

@@ -31,7 +31,7 @@ outline_m = [[5.0, 18.0], [40.0, 18.0], [40.0, 26.0], [5.0, 26.0]]
 def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A log and its site file."""
     directory = tmp_path_factory.mktemp("whatif")
-    simulate(made_of("blind", 2, 90.0)).save(directory, {})
+    simulate(made_of("blind", 2, 45.0)).save(directory, {})
     (directory / "site.toml").write_text(SITE)
     return directory / "log.jsonl.gz", directory / "site.toml"
 
