@@ -196,30 +196,6 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
         ]
 
 
-async def test_only_a_vehicle_with_a_path_that_stays_off_it_is_said_to_move_otherwise(
-    browser: "Browser", face: Served
-) -> None:
-    script = """async (looks) => {
-        const { Doubts } = await import("/page/list/doubts.js"), doubts = new Doubts();
-        const ways = { off: "path", order: "order", flickers: "path", silent: "velocity", foot: "path" };
-        const robots = new Map(Object.entries(ways).map(([uuid, basis]) =>
-            [uuid, { uuid, basis, participant: uuid === "foot" ? "person" : "robot" }]));
-        return looks.map(([at_s, distrusted]) => {
-            doubts.note({ at_s, distrusted }, robots);
-            return [...robots.keys()].filter((uuid) => doubts.has(uuid));
-        });
-    }"""
-    everybody = ["off", "order", "flickers", "silent", "foot"]
-    steady = [each for each in everybody if each != "flickers"]
-    looks = [(at_s, everybody if at_s % 6 else steady) for at_s in range(0, 22, 2)]
-    looks += [(28, []), (36, ["off"]), (51, []), (67, [])]
-    async with opened(browser, face) as page:
-        named = await page.evaluate(script, looks)
-    assert named[:5] == [[]] * 5, "not before 10 s on end"
-    assert named[5:12] == [["off", "order"]] * 7
-    assert named[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
-
-
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
     nothing: dict[str, Any] = {"advice": None, "advisories": (), "severity": Severity.CAUTION}
     await face.publish(shown(1, 0, 1, **nothing, ends="by itself: nothing is foreseen there any more"))
