@@ -13,7 +13,7 @@ from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S, RobotFloor, warehouse
 from deconflict_client.situations import AnyRevision
 
-SHOWN = ("lost_s", "waited_s", "stops", "trips")
+SHOWN = ("delay_s", "waited_s", "stops", "trips")
 """The sums of `LostTime` that the demo prints."""
 ORDERS = ("wait", "slow_down", "back_out", "go_around", "wait_before")
 
@@ -89,6 +89,6 @@ class DemoFloor(FollowingFloor):
         orders = sum(self._follower.counts[action] for action in ORDERS)
         return (
             f"Robots follow advice: {orders} order{'' if orders == 1 else 's'} so far. "
-            f"They lost {own.lost_s:.0f} s on their way, {other.lost_s:.0f} s without advice; "
+            f"They were {own.delay_s:.0f} s late on their way, {other.delay_s:.0f} s without advice; "
             f"{own.stops} long stops, {other.stops} without; {own.trips} arrivals, {other.trips} without"
         )
