@@ -16,6 +16,7 @@ from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.operator.store.tables import last_seq, read_only
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
 from ingest.plain_files import check_database, opened, unfit
@@ -43,7 +44,7 @@ def add_backup(commands: Commands) -> None:
 
 def _backup(args: argparse.Namespace) -> int:
     copied = backed_up(args.data, args.target)
-    sys.stdout.write(f"{args.target}: {copied} files\n")
+    sys.stdout.write(f"{args.target}: {count_of(copied, 'file')}\n")
     return 0
 
 

@@ -147,3 +147,11 @@ def deconflict(*arguments: str) -> subprocess.CompletedProcess[str]:
         check=False,
         timeout=PATIENCE_S,
     )
+
+
+def test_a_directory_in_which_no_service_has_run_has_no_list(tmp_path: Path) -> None:
+    listed = deconflict("blackbox", "list", "--data", str(tmp_path))
+    assert (listed.returncode, "expected the data directory of a service that has run" in listed.stderr) == (2, True)
+    (tmp_path / "advisories.db").touch()
+    listed = deconflict("blackbox", "list", "--data", str(tmp_path))
+    assert (listed.returncode, listed.stderr) == (0, f"no near misses in {tmp_path}\n")
