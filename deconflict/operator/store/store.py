@@ -113,8 +113,9 @@ class Store:
 
     def _refuse_too_many(self) -> None:
         if len(self._pending) >= MOST_PENDING:
-            waiting = count_of(len(self._pending), "revision waits", "revisions wait")
-            raise StoreError(f"{self.path}: {waiting} for the disk; free or mend it")
+            raise StoreError(
+                f"{self.path}: {count_of(len(self._pending), 'revision')} not on the disk; free or mend it"
+            )
 
     def flush(self) -> None:
         """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending.

@@ -66,6 +66,6 @@ def _cells(chart: Chart, warnings: Sequence[tuple[Point, str]], reach_m: float) 
     most = max((counts.total() for counts in found.values()), default=1)
     for (column, row), counts in sorted(found.items()):
         total, corner = counts.total(), (column * cell, row * cell)
-        warnings = count_of(total, "warning")
-        title = f"x {corner[0]:g}, y {corner[1]:g}: {warnings}, {counts['y']} came true, {counts['n']} in vain"
+        all_warnings = count_of(total, "warning")
+        title = f"x {corner[0]:g}, y {corner[1]:g}: {all_warnings}, {counts['y']} came true, {counts['n']} in vain"
         chart.box(corner, (corner[0] + cell, corner[1] + cell), "heat", title, 0.15 + 0.6 * total / most)

@@ -257,8 +257,8 @@ async def test_a_suggestion_says_of_what_time_its_figures_are(browser: "Browser"
     }"""
     span = [datetime(2026, 3, 2, hour).astimezone().timestamp() for hour in (6, 14)]
     async with opened(browser, face) as page:
-        told = await page.evaluate(script, span)
-    assert told.endswith("an hour. These figures are of 06:00 to 14:00; it stands since 14:00.")
+        sentences = await page.evaluate(script, span)
+    assert sentences.endswith("an hour. These figures are of 06:00 to 14:00; it stands since 14:00.")
 
 
 async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_else(
