@@ -21,6 +21,7 @@ SEVERAL = {
     "{spots} places": "at one it is not said",
     "{ended} lines and": "the number that a broken file has",
     "{MOST_": "a limit",
+    "{len(self._pending)} revisions wait": "thousands",
     "{robots} robots do not fit": "more than there are bays",
     "{count:,} times": "one is said as once",
     "{len(aisles)} floors": "one is no fault",

@@ -32,7 +32,6 @@ from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnecti
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from deconflict.operator.store.unstored_answers import UnstoredAnswers
 from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
-from deconflict_client.counted_nouns import count_of
 from deconflict_client.situations import AnyRevision, Listing
 from ingest.batch import Pair
 
@@ -113,9 +112,7 @@ class Store:
 
     def _refuse_too_many(self) -> None:
         if len(self._pending) >= MOST_PENDING:
-            raise StoreError(
-                f"{self.path}: {count_of(len(self._pending), 'revision')} not on the disk; free or mend it"
-            )
+            raise StoreError(f"{self.path}: {len(self._pending)} revisions wait for the disk; free or mend it")
 
     def flush(self) -> None:
         """Store pending revisions and positions in one transaction. After a `StoreError` they are still pending.
