@@ -17,6 +17,7 @@ from deconflict.operator.blackbox.start_state import site_of
 from deconflict.runtime.command_parsers import Commands, add_command, number_in
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.settings import overrides, site, site_file
+from deconflict_client.counted_nouns import count_of
 from ingest.plain_files import read_file
 from ingest.recording.log_reader import UNREADABLE, Event, LogReader, by_time
 from ingest.recording.log_segments import packed_name, under_present_name
@@ -280,11 +281,12 @@ def _is_readable(file: Path) -> bool:
 def _check_order(reader: LogReader, logs: Iterable[Path], result: dict[str, Any]) -> None:
     """Log how many messages were out of order. Raises `LogError` if there was no message at all."""
     if not result["messages"]:
-        unreadable = f", only {reader.unreadable} lines that can't be read" if reader.unreadable else ""
+        unreadable = f", only {count_of(reader.unreadable, 'line')} that can't be read" if reader.unreadable else ""
         problem = f"no message is in {_named(logs)}{unreadable}"
         raise LogError(f'{problem}: give lines {{"received": ..., "message": {{...}}}} or a recording of the service')
     if reader.late:
-        late = f"{reader.late} messages come after messages that were received up to {reader.late_by_s:.3g} s later"
+        came = count_of(reader.late, "message comes", "messages come")
+        late = f"{came} after messages that were received up to {reader.late_by_s:.3g} s later"
         if reader.own or reader.late_by_s <= SLIGHT_S:
             log.info("%s; each was read in the order of the log", late)
         else:
@@ -332,7 +334,7 @@ def _with_progress(reader: LogReader, files: Sequence[Path]) -> Iterator[Iterato
         def events() -> Iterator[Event]:
             for number, event in enumerate(reader.read(files), 1):
                 if number % LINES_PER_UPDATE == 0:
-                    progress.update(task, completed=reader.bytes_read, description=f"{number:,} lines")
+                    progress.update(task, completed=reader.bytes_read, description=count_of(number, "line"))
                 yield event
 
         yield events()

@@ -69,6 +69,30 @@ def test_an_option_that_does_not_exist_names_the_one_that_was_meant(
     assert (end.value.code, capsys.readouterr().err.endswith(f"; did you mean {meant}?\n")) == (MISUSED, True)
 
 
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("chek x", "check"),
+        ("blackbox lst", "list"),
+        ("site imprt x", "import"),
+        ("schema advisry", "advisory"),
+        ("--log jsn check x", "json"),
+    ],
+)
+def test_a_command_or_choice_that_does_not_exist_names_the_one_that_was_meant(
+    line: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        parser().parse_args(line.split())
+    assert (end.value.code, capsys.readouterr().err.endswith(f"; did you mean {meant}?\n")) == (MISUSED, True)
+
+
+def test_a_command_that_is_near_to_none_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parser().parse_args(["qqqq"])
+    assert "choose from 'demo'" in capsys.readouterr().err
+
+
 def test_the_scene_of_standoffs_turns_advice_off_and_on_by_itself() -> None:
     command = [sys.executable, "-m", "deconflict", "demo", "--scene", "standoffs", "--advice"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

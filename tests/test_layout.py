@@ -21,7 +21,7 @@ ROOT = Path(__file__).parent.parent
 COMPOSITION_ROOTS = ("deconflict/__main__", "deconflict/roles/__main__")
 LEVELS = {
     "": ["deconflict_client", "ingest", "deconflict", "metrics"],
-    "deconflict_client": ["participant_kinds verbs", "advisory", "situations", "answers", "client"],
+    "deconflict_client": ["counted_nouns participant_kinds verbs", "advisory", "situations", "answers", "client"],
     "ingest": [
         "batch clocks kernels plain_files settings shapes",
         "sizes",

@@ -23,6 +23,7 @@ from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
 from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
 from deconflict.settings.importers.site_questions import SiteAnswers, asked
+from deconflict_client.counted_nouns import count_of
 from ingest.settings import ReceiverSettings
 
 
@@ -210,5 +211,5 @@ async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
         stop.set()
         await running
         robots = sorted(role.fleet.robots.values(), key=attrgetter("uuid"))
-        sys.stderr.write("1 robot was heard\n" if len(robots) == 1 else f"{len(robots)} robots were heard\n")
+        sys.stderr.write(f"{count_of(len(robots), 'robot was', 'robots were')} heard\n")
         return [fleet_report.robot_document(role.fleet, robot, time.time()) for robot in robots]

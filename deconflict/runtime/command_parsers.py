@@ -22,7 +22,7 @@ _Number = TypeVar("_Number", int, float)
 
 
 class CommandParser(argparse.ArgumentParser):
-    """A parser that names the option that was probably meant."""
+    """A parser that names the option, or the command or other choice, that was probably meant."""
 
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: Any = None
@@ -33,6 +33,12 @@ class CommandParser(argparse.ArgumentParser):
             if wanted.startswith("--") and (near := get_close_matches(wanted, self._option_string_actions, 1)):
                 self.error(f"there is no option {wanted}; did you mean {near[0]}?")
         return parsed, left
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        near = get_close_matches(str(value), map(str, action.choices or ()), 1)
+        if near and value not in (action.choices or ()):
+            raise argparse.ArgumentError(action, f"there is no {value!r}; did you mean {near[0]}?")
+        super()._check_value(action, value)
 
 
 def add_command(commands: Commands, name: str, purpose: str, *examples: str) -> argparse.ArgumentParser:

@@ -15,6 +15,7 @@ from deconflict.settings.map_checks import map_problems
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource, Zone, outlines
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import SiteError, datum_of, fit_problems, load
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.participant_kinds import NOUNS
 from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import FrameRegistry, Pose, fit_map
@@ -107,7 +108,7 @@ def report_lines(report: SiteReport) -> Iterator[str]:
         yield f"NOTE {question}"
     yield ""
     counts = {"datum": site.datums, "vendor": site.vendors, "own map": report.maps}
-    counted = (f"{len(found)} {noun if len(found) == 1 else noun + 's'}" for noun, found in counts.items())
+    counted = (count_of(len(found), noun) for noun, found in counts.items())
     yield f"{site.name}: {', '.join(counted)}"
     for datum in site.datums:
         yield from _datum_lines(datum)
@@ -214,10 +215,7 @@ def _kind_lines(site: Site) -> Iterator[str]:
     """What the devices of each vendor stand for, if not for robots alone."""
     for vendor in site.vendors:
         models = {name: model.participant for name, model in vendor.models.items() if model.participant}
-        uuids = [
-            f"{len(begins)} UUID{'' if len(begins) == 1 else 's'}: {NOUNS[kind][1]}"
-            for kind, begins in vendor.participants.items()
-        ]
+        uuids = [f"{count_of(len(begins), 'UUID')}: {NOUNS[kind][1]}" for kind, begins in vendor.participants.items()]
         apart = [*(f"model {name}: {NOUNS[kind][1]}" for name, kind in models.items()), *uuids]
         if apart or vendor.participant != "robot":
             yield ""

@@ -18,6 +18,7 @@ from deconflict.settings.map_checks import datum_problems, map_problems
 from deconflict.settings.outlet_settings import outlet_problems
 from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
+from deconflict_client.counted_nouns import count_of
 from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 from ingest.sizes.site_sizes import size_problems
@@ -82,7 +83,7 @@ def _first(problems: list[str], document: Mapping[str, Any]) -> Iterator[str]:
     """The first `MOST_PROBLEMS` with names. Nobody reads more, and each takes as long as the file is."""
     yield from (_with_names(problem, document) for problem in problems[:MOST_PROBLEMS])
     if len(problems) > MOST_PROBLEMS:
-        yield f"and {len(problems) - MOST_PROBLEMS} more problems"
+        yield f"and {count_of(len(problems) - MOST_PROBLEMS, 'more problem')}"
 
 
 def fit_problems(site: Site) -> list[str]:

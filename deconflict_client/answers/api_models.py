@@ -187,4 +187,7 @@ class StillThere(BaseModel):
     fading: dict[str, float]
     taken_off: dict[str, Removed]
     exits: list[Exit]
-    distrusted: list[str] = Field([], description="robots whose motion contradicts their forecasts")
+    distrusted: list[str] = Field(
+        [],
+        description="robots that announce a path or an order and move otherwise: for 10 s on end, and until 30 s after",
+    )

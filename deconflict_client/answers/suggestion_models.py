@@ -22,6 +22,10 @@ class SuggestionEvidence(BaseModel):
     share: float = Field(description="of all lost time")
     losses: int = Field(description="how many losses, or parts of long ones")
     hours: float = Field(description="length of what was observed")
+    from_s: float = Field(
+        0.0, description="the losses are from then, seconds since the epoch; in a log, from its start"
+    )
+    until_s: float = Field(0.0, description="to then")
     pairs: list[PairShare] = Field([], description="the largest, at most three")
 
 

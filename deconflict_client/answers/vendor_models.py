@@ -90,7 +90,9 @@ class VendorHealth(BaseModel):
     robots: int = 0
     silent: int = 0
     languages: list[str] = Field([], description="standards of its messages")
-    distrusted: int = Field(0, description="robots whose motion contradicts their forecasts")
+    distrusted: int = Field(
+        0, description="robots that move otherwise than they announce: for 10 s on end, and until 30 s after"
+    )
     messages: int = 0
     messages_per_s: float | None = Field(None, description="over the last minute, with rejected messages")
     rejected: int = 0

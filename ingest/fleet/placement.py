@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from ingest.fleet.owners.device_kinds import participant_of
 from ingest.fleet.owners.vendor_registry import VendorRegistry
-from ingest.fleet.prediction import plausibility
+from ingest.fleet.prediction import heading_sense, plausibility
 from ingest.fleet.prediction.forecast import forecast, matches, stops
 from ingest.fleet.prediction.forecast_model import (
     ForecastContext,
@@ -133,13 +133,24 @@ class Placement:
             odd = Oddity("path-datum-unknown", "path", misspelling, reading, status.datum)
             robot.odd_values.note((odd,), robot.arrival_s)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
-        of_unit = self._unit_findings(robot, sighting, last)
-        return (*findings, *of_unit, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
+        of_motion = self._motion_findings(robot, sighting, last, status)
+        return (*findings, *of_motion, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
 
-    def _unit_findings(self, robot: Robot, sighting: Sighting, last: Sighting | None) -> tuple[str, ...]:
-        """The deviation of positions in another unit, as a new sighting shows it."""
+    def _motion_findings(
+        self, robot: Robot, sighting: Sighting, last: Sighting | None, status: Status
+    ) -> tuple[str, ...]:
+        """The deviations of positions and headings that are meant otherwise, as a new sighting shows them."""
         if last and sighting.t_s <= last.t_s:
             return ()
+        if robot.frame:
+            robot.sense = heading_sense.sense(robot.sense, last, sighting, status, robot.frame)
+        if reading := heading_sense.shown(robot.sense):
+            odd = heading_sense.oddity(reading, status, robot.language)
+            robot.odd_values.note((odd,), robot.arrival_s)
+            return (odd.rule,)
+        return self._unit_findings(robot, sighting, last)
+
+    def _unit_findings(self, robot: Robot, sighting: Sighting, last: Sighting | None) -> tuple[str, ...]:
         max_speed_mps = robot.context.body.max_speed_mps if robot.context else None
         robot.unit_moves = unit_moves(robot.unit_moves, last, sighting, max_speed_mps)
         if not (robot.unit_moves and robot.unit_moves.shows_unit):

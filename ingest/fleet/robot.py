@@ -8,6 +8,7 @@ from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.heading_sense import Sense
 from ingest.fleet.prediction.pace import Pace
 from ingest.fleet.prediction.position_unit import UnitMoves
 from ingest.fleet.shared_identities import SharedIdentity
@@ -79,6 +80,8 @@ class Robot:
     """How fast it was seen to drive and to turn."""
     unit_moves: UnitMoves | None = None
     """Its newest moves, if these show that its positions are in another unit."""
+    sense: Sense = field(default_factory=dict)
+    """What its moves show of the way in which its heading is meant."""
     frame: Frame | None = None
     """The frame in which it reported that sighting."""
     forecast: Forecast | None = None

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import nan, pi
 
 import msgspec
 
@@ -96,6 +96,11 @@ class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):
         return msgspec.structs.astuple(mine) == msgspec.structs.astuple(others)
 
 
+def beyond_turn(angle_rad: float | None) -> float:
+    """An angle as it was sent if it is beyond a full turn, as one in degrees may be; else nan."""
+    return nan if angle_rad is None or abs(angle_rad) <= 2 * pi else angle_rad
+
+
 class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """Where a robot is and will be, as sent: times by its own clock, places in its own frame and unit."""
 
@@ -142,6 +147,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """The next status may come as late as this by the rules of the language; 0 if it has no such rule."""
     oddities: tuple[Oddity, ...] = ()
     """The values that deviate, as far as they are named."""
+    heading_sent: float = nan
+    """The number that was sent as heading, if it is beyond a full turn; else nan."""
 
 
 class Update(msgspec.Struct, frozen=True, gc=False, eq=False):

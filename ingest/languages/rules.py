@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ingest.sizes.size_limit import LOAD_IN_OTHER_UNIT, LOAD_OVER_LIMIT, SIZE_IN_OTHER_UNIT, SIZE_OVER_LIMIT
 
 POSITION_IN_OTHER_UNIT = "position-in-other-unit"
+HEADING_IN_DEGREES, AXES_CONTRADICT_MOTION = "heading-in-degrees", "axes-contradict-motion"
 MOST_ODDITIES, MOST_OF_LIST, MOST_LETTERS = 20, 3, 60
 """Oddities of a message that are kept, those of items of one list, and letters of each of their values."""
 _IN_LIST = re.compile(r"\[\d+\]")
@@ -136,6 +137,26 @@ def position_rule(clause: str) -> Rule:
     return Rule(
         POSITION_IN_OTHER_UNIT,
         "Positions move 1000 or 100 times faster than the speed that is sent: millimetres or centimetres? Kept.",
+        clause,
+        alone=False,
+    )
+
+
+def axes_rule(clause: str) -> Rule:
+    """The rule of positions and headings that have other axes."""
+    return Rule(
+        AXES_CONTRADICT_MOTION,
+        "Heading and motion fit each other if x and y are swapped, or one axis is reversed: are they? Kept.",
+        clause,
+        alone=False,
+    )
+
+
+def degrees_rule(clause: str) -> Rule:
+    """The rule of headings that are a number."""
+    return Rule(
+        HEADING_IN_DEGREES,
+        "Headings beyond a full turn fit the motion as degrees, and not as radians: degrees? Read as radians.",
         clause,
         alone=False,
     )

@@ -18,6 +18,8 @@ TO_MEND = 1
 """Exit code if something is to be mended."""
 TIMEOUT_S = 30.0
 LEAST_S = 0.1
+ADDRESS = "http://127.0.0.1:8080"
+"""Where `serve` has the operators' port on the same machine, unless it is told otherwise."""
 
 
 def add_senders(commands: Commands) -> None:
@@ -30,7 +32,11 @@ def add_senders(commands: Commands) -> None:
         "deconflict senders https://floor.example:8080 --token env:DECONFLICT_TOKEN --seconds 20",
     )
     command.add_argument(
-        "url", nargs="?", default="http://127.0.0.1:8080", metavar="URL", help="the operators' port of the service"
+        "url",
+        nargs="?",
+        default=ADDRESS,
+        metavar="URL",
+        help="the operators' port of the service (default: %(default)s)",
     )
     command.add_argument(
         "--seconds",
@@ -62,7 +68,9 @@ def _senders(args: argparse.Namespace) -> int:
             time.sleep(args.seconds)
             after = _answers(http)
     except (httpx.HTTPError, httpx.InvalidURL, OSError, ValueError) as error:
-        problem = f"{args.url} does not answer as the service does: {error}; give the address of its operators' port"
+        assumed = " (asked since no URL was given)" if args.url == ADDRESS else ""
+        problem = f"{args.url}{assumed} does not answer as the service does: {error}; give the address of its "
+        problem += "operators' port, as `deconflict senders URL`"
         sys.stderr.write(f"deconflict: {visible_lines(problem)}\n")
         return MISUSED
     vendors, notes = watched(before, after, args.seconds), broker_notes(after)

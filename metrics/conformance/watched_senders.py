@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.participant_kinds import counted
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.visible_text import visible
@@ -72,7 +73,7 @@ def _lines(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: floa
         speaks = f" ({vendor.standards})" if vendor.standards else ""
         robots = f"{vendor.kinds} heard, {vendor.placed} placed, {vendor.compared} compared"
         rejected = f", {vendor.rejected} rejected" if vendor.rejected else ""
-        yield f"{vendor.name}{speaks}: {vendor.messages} messages in {seconds:g} s{rejected}; {robots}"
+        yield f"{vendor.name}{speaks}: {count_of(vendor.messages, 'message')} in {seconds:g} s{rejected}; {robots}"
         yield from (f"  {line}" for line in vendor.to_mend[:MOST_LINES])
         if (more := len(vendor.to_mend) - MOST_LINES) > 0:
             yield f"  and {more} more: GET /vendors and GET /robots have all"

@@ -15,6 +15,7 @@ from typing import Any
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import DAY_S, FIGURES, LossQuestion
 from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
+from deconflict_client.counted_nouns import count_of
 from metrics.replay_files import LogError
 
 KEYS: tuple[LossKey, ...] = ("hour", "vendor", "model", "by", "root", "kind", "floor", "place", "cell")
@@ -37,7 +38,7 @@ def write_days(ledger: LossLedger, directory: Path, floor_names: Mapping[str, st
             yield f"{path}: left as it is, since the ledger has removed a part of this day"
             continue
         _write(arrow, path, _table(arrow, found, floor_names))
-        yield f"{path}: {len(found.rows)} rows, {found.total.lost_s:.0f} s lost"
+        yield f"{path}: {count_of(len(found.rows), 'row')}, {found.total.lost_s:.0f} s lost"
 
 
 def _arrow() -> Any:

@@ -122,7 +122,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_situations_open": gauge("Open situations: raised and not yet cleared.", "kind", "severity"),
     "deconflict_situations_total": counter(
-        "Revisions of situations, by event: raised, updated or cleared.", "kind", "event"
+        "Revisions of situations, by the kind that each was raised with and by event: raised, updated or cleared.",
+        "kind",
+        "event",
     ),
     "deconflict_advisories_open": gauge("Open advisories: raised and not yet cleared.", "kind", "severity"),
     "deconflict_advisories_total": counter(
@@ -184,7 +186,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "grade",
     ),
     "deconflict_robots_distrusted": gauge(
-        "Robots whose motion contradicts their forecasts. Their forecasts get wider errors or are not used.", "vendor"
+        "Robots that move otherwise than they announce by a path or an order: for 10 s on end, and until 30 s after.",
+        "vendor",
     ),
     "deconflict_forecasts_distrusted_total": counter(
         "Forecasts with wider errors or not used, because the robot's motion contradicted its earlier forecasts.",

@@ -13,8 +13,10 @@ from typing import Any
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.blackbox.hash_chain import ChainBrokenError, HashChain, verified
 from deconflict.operator.blackbox.start_state import BoxError, head_of, site_of, start_of
+from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict_client.advisory import ADVISORY, AnyAdvisory, ConflictAdvisory
+from deconflict_client.counted_nouns import count_of
 from ingest.languages import timestamps
 from ingest.languages.visible_text import visible, visible_lines
 from ingest.recording.compression import DAMAGED
@@ -54,10 +56,10 @@ class Verification:
 
     def text(self) -> str:
         """The result for a person."""
-        unchanged = f"{self.lines} lines, unchanged; the last has sha256 {self.sha256}\n"
+        unchanged = f"{count_of(self.lines, 'line')}, unchanged; the last has sha256 {self.sha256}\n"
         if self.same:
-            return f"{unchanged}the replay gives the same {self.published} revisions of conflicts\n"
-        why = f" (the engine was restarted {self.restarts} times in that time)" if self.restarts else ""
+            return f"{unchanged}the replay gives the same {count_of(self.published, 'revision')} of conflicts\n"
+        why = f" (the engine was restarted {count_of(self.restarts, 'time')} in that time)" if self.restarts else ""
         why += f" ({RESUMED})" if self.lacks_under_way else ""
         lines = [*(f"- {line['at']} {line['event']} {line['summary']}" for line in self.missing)]
         lines += [f"+ {line['at']} {line['event']} {line['summary']}" for line in self.added]
@@ -173,6 +175,8 @@ def _list(args: argparse.Namespace) -> int:
     if not args.data.is_dir():
         raise BoxError(f"{args.data} is no directory; give that of `serve --data`")
     boxes = Archive(args.data / FOLDER).boxes()
+    if not boxes and not (args.data / FILE_NAME).exists():
+        raise BoxError(f"{args.data}: has no {FILE_NAME}; expected the data directory of a service that has run")
     if not boxes:
         sys.stderr.write(f"no near misses in {args.data}\n")
     for box in boxes:

@@ -5,6 +5,7 @@ from typing import Any
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
@@ -125,7 +126,7 @@ def page(result: dict[str, Any]) -> str:
 def value_in_words(value: dict[str, Any]) -> str:
     """A value that deviates, as a line for whoever mends the sender. It may have the number of `robots`."""
     meant = f"; did you mean {value['nearest']}?" if value["nearest"] else ""
-    robots = f" ({value['robots']} robot{'s' if value['robots'] != 1 else ''})" if "robots" in value else ""
+    robots = f" ({count_of(value['robots'], 'robot')})" if "robots" in value else ""
     reading = value["reading"].removeprefix("read as ")
     return f"{value['path']}: sent {value['value']}, read: {reading}{meant}{robots}"
 
@@ -152,7 +153,7 @@ def standards(vendor: Vendor) -> str:
 
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
-    yield f"{result['messages']} messages, {result['unreadable_lines']} unreadable lines"
+    yield f"{count_of(result['messages'], 'message')}, {count_of(result['unreadable_lines'], 'unreadable line')}"
     for vendor in result["conformance"]:
         yield ""
         speaks = f" ({standards(vendor)})" if vendor["languages"] else ""

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
+from deconflict_client.counted_nouns import count_of
 from metrics.replay.conformance_counts import value_in_words
 from metrics.report.html_cells import Part
 
@@ -27,9 +28,9 @@ def vendor_page(vendor: Part, standards: str, log: str) -> str:
     """`vendor` is one of the vendors of the result of `conform`; `log` names what was read."""
     name, findings = vendor["vendor"], vendor["findings"]
     total = vendor["accepted"] + vendor["rejected"]
-    ways = f"deviate from {standards} in {_plural(len(findings), 'way')}" if findings else f"conform to {standards}"
+    ways = f"deviate from {standards} in {count_of(len(findings), 'way')}" if findings else f"conform to {standards}"
     accepted = f"{vendor['accepted']:,} were accepted and {vendor['rejected']:,} rejected"
-    lead = f"Of {total:,} messages, {accepted}. They {ways}."
+    lead = f"Of {count_of(total, 'message')}, {accepted}. They {ways}."
     note = f"Read from {log}. A deviation that is not rejected was read as the sentence says."
     on_paper = "On paper long examples are cut; the page on a screen has them whole."
     return (
@@ -52,10 +53,6 @@ def _finding(finding: Part) -> str:
     rows = "".join(f"<li>{escape(value_in_words(value))}</li>" for value in finding.get("values", ()))
     values = f"<p>Values:</p><ul>{rows}</ul>" if rows else ""
     return (
-        f"<section><h2>{escape(finding['rule'])}: {_plural(finding['count'], 'time')}, {verdict}</h2>"
+        f"<section><h2>{escape(finding['rule'])}: {count_of(finding['count'], 'time')}, {verdict}</h2>"
         f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{values}{example}</section>\n"
     )
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

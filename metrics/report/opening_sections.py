@@ -6,6 +6,7 @@ from urllib.parse import quote
 
 from deconflict.settings.shared_places import Resource, Zone, outlines
 from deconflict.settings.site import Site
+from deconflict_client.counted_nouns import count_of
 from metrics.report.drawings import figures
 from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
 from metrics.report.html_cells import Part, figure, linked_table, moment, number, percent
@@ -34,7 +35,7 @@ def _tiles(result: Part, warnings: Part) -> str:
     """The key figures, each with what it means."""
     quality, situations = WarningQuality.of(warnings), result["situations"]
     clearance_m, ahead = result["scores"][0]["clearance_m"], quality.ahead_by_s
-    stops = f"{quality.stops:,} stops or swerves for another robot"
+    stops = f"{count_of(quality.stops, 'stop or swerve', 'stops or swerves')} for another robot"
     met = f"{stops}, {quality.encounters:,} encounters within {clearance_m:g} m"
     early = f"{quality.warned_of_2_s:,} at least 2 s ahead, {quality.warned_of_4_s:,} at least 4 s"
     median = f"; ahead by {ahead['median']:.1f} s in the median" if ahead else ""
@@ -65,14 +66,14 @@ def _hours(hours: float) -> str:
 
 def _source(result: Part) -> str:
     late = (
-        f" {result['late_messages']:,} messages come after messages that were received up to {result['late_by_s']:g} s"
-        " later; they were read in the order of the log."
+        f" {count_of(result['late_messages'], 'message comes', 'messages come')} after messages that were received up "
+        f"to {result['late_by_s']:g} s later; each was read in the order of the log."
         if "late_messages" in result
         else ""
     )
     when = f" from {moment(result['from'])} to {moment(result['until'])}" if "from" in result else ""
     return (
-        f"{result['messages']:,} messages{when}, through the engine that the live service uses.{late}"
+        f"{count_of(result['messages'], 'message')}{when}, through the engine that the live service uses.{late}"
         " Advisory, not safety rated."
     )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.suggestions.suggestion import minutes
 from deconflict.settings.site import DEFAULT, Site
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.participant_kinds import counted
 from ingest.batch import FloorPoint
 from ingest.languages.visible_text import visible
@@ -83,9 +84,10 @@ def span(seconds: float) -> str:
 def _outcomes(quality: WarningQuality) -> str:
     if not quality.warnings:
         return "There were no warnings."
+    in_vain, not_judged = count_of(quality.in_vain, "was", "were"), count_of(quality.not_judged, "is", "are")
     return (
-        f"Of its {quality.warnings:,} warnings, {quality.came_true:,} came true, {quality.in_vain:,} were in vain and"
-        f" {quality.not_judged:,} are not judged."
+        f"Of its {count_of(quality.warnings, 'warning')}, {quality.came_true:,} came true, "
+        f"{in_vain} in vain and {not_judged} not judged."
     )
 
 
@@ -134,8 +136,7 @@ def _nearest(near: Part) -> str:
 
 
 def _vendors(result: Part) -> str:
-    count = len(result["scores"][0]["by_vendor"])
-    return f"{count} vendor{'' if count == 1 else 's'}"
+    return count_of(len(result["scores"][0]["by_vendor"]), "vendor")
 
 
 def _times(count: int) -> str:

@@ -1,5 +1,6 @@
 """The situations of a replay in one sentence, and as a section of its report."""
 
+from deconflict_client.counted_nouns import count_of
 from metrics.report.html_cells import Part, number, percent, share, spread, sure, table
 from metrics.scoring.warnings.warning_quality import not_judged
 
@@ -7,7 +8,7 @@ from metrics.scoring.warnings.warning_quality import not_judged
 def sentence(part: Part) -> str:
     """The figures of most use, as text for a person."""
     figures = [
-        f"{part['situations']:,} situations",
+        count_of(part["situations"], "situation"),
         f"{number(part['per_hour'])} an hour",
         f"{number(part['per_fresh_stop'], 2)} for each fresh stop",
         f"share that came true {share(part['came_true'])}, prevented {share(part['prevented'])}",

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from deconflict_client.counted_nouns import count_of
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import DRAWS, GROUPS, SEED, Interval, middle
 from metrics.scoring.summaries import brier, brier_skill, mean, median
@@ -123,11 +124,12 @@ def _lines(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[str]:
     for score_a, score_b in matched:
         of_a, of_b = score_a["warnings"], score_b["warnings"]
         events = WarningQuality.of(of_a).events, WarningQuality.of(of_b).events
-        yield f"clearance {_clearances(score_a, score_b)}: {events[0]} and {events[1]} times in each other's way"
+        times = f"{events[0]} and {count_of(events[1], 'time')}"
+        yield f"clearance {_clearances(score_a, score_b)}: {times} in each other's way"
         yield HEAD
         yield from map(_row, headline_changes(of_a, of_b, same_log))
     of_a, of_b = a["situations"], b["situations"]
-    yield f"{of_a['situations']} and {of_b['situations']} situations"
+    yield f"{of_a['situations']} and {count_of(of_b['situations'], 'situation')}"
     yield HEAD
     yield from map(_row, situation_changes(of_a, of_b))
     yield CONTACT_ALONE

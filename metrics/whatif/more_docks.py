@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deconflict.simulation.floor_layout import Place
+from deconflict_client.counted_nouns import count_of
 from ingest.batch import Floats
 from metrics.whatif.change import Change, ChangeError, NamedOutline
 from metrics.whatif.demand import Demand, RobotDemand, Stop
@@ -21,7 +22,8 @@ def more_docks(places: Sequence[NamedOutline], demand: Demand) -> Change:
     """One more dock like the given one. Raises `ChangeError` if too few robots stop at it."""
     stops = _stops_in(places, demand)
     if len(stops) < LEAST_STOPS:
-        raise ChangeError(f"robots stop {len(stops)} times at {places[0].name} in the log: {LEAST_STOPS} are needed")
+        times = count_of(len(stops), "time")
+        raise ChangeError(f"robots stop {times} at {places[0].name} in the log: {LEAST_STOPS} are needed")
     return Change(f"there is one more place like {places[0].name}", demand=partial(_with_dock, places))
 
 

@@ -10,7 +10,7 @@ from fastapi import FastAPI
 
 from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Watch
-from deconflict.advisories.situations.situation_counts import count_situations
+from deconflict.advisories.situations.situation_counts import SituationCounts
 from deconflict.operator.http.page_routes import PageRoutes
 from deconflict.operator.store.store import Store
 from deconflict_client.advisory import AdvisoryState
@@ -25,12 +25,12 @@ class Told:
 
     def __init__(self, robots: int, seed: int) -> None:
         self.measures, self.revisions = Measures(), list[Situation]()
-        watch = Watch(robots, seed)
+        watch, counts = Watch(robots, seed), SituationCounts()
         add = watch.situation_scores.add
 
         def kept(now_s: float, revisions: Any) -> None:
             add(now_s, revisions)
-            count_situations(self.measures, revisions)
+            counts.count(self.measures, revisions)
             self.revisions += revisions
 
         cast(Any, watch.situation_scores).add = kept
@@ -54,6 +54,13 @@ def test_shift_summary_replay_and_metrics_count_the_same_situations(shown: Told,
         if event == AdvisoryState.RAISED.value
     }
     assert raised == {row["kind"]: row["situations"] for row in shown.figures["by_kind"]} == shift["counts"]
+    ended = {
+        kind: count
+        for (kind, event), count in shown.measures.values["deconflict_situations_total"].items()
+        if event == AdvisoryState.CLEARED.value
+    }
+    open_now = Counter(row["first_kind"] for row in shift["situations"] if row["situation"]["state"] != "cleared")
+    assert raised == Counter(ended) + open_now
     assert sum(raised.values()) == shown.figures["situations"] == len(shift["situations"]) >= 20
     listed = Counter(each["first_kind"] for each in shift["situations"])
     assert listed == shift["counts"]

@@ -70,7 +70,7 @@ def test_robots_wait_as_they_are_advised() -> None:
     watch.run(40.0)
     lost = watch.lost_time.now()
     assert watch.follower.counts["wait"] > 0
-    assert 0.0 < lost.advised_s <= lost.waited_s <= lost.lost_s + 1.0 <= lost.driven_s
+    assert 0.0 < lost.advised_s <= lost.waited_s <= lost.delay_s + 1.0 <= lost.driven_s
 
 
 def test_nobody_waits_as_advised_if_nothing_is_followed() -> None:

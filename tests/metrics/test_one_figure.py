@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from deconflict.advisories.situations.situation_counts import count_situations
+from deconflict.advisories.situations.situation_counts import SituationCounts
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.settings.site import Site
@@ -106,7 +106,7 @@ def run(folder: Path) -> Surfaces:
     log.write_text(
         "".join(f'{{"received":"{write(t_s + 0.05)}","message":{raw.decode()}}}\n' for t_s, raw in messages())
     )
-    conflict, passes, measures = SITE.conflict, PassReader(SITE), Measures()
+    conflict, passes, measures, counts = SITE.conflict, PassReader(SITE), Measures(), SituationCounts()
     engine, scores = EngineRun(SITE, conflict.clearance_m, StartState()), LogScores(SITE, [conflict.clearance_m])
     judge, ledger = WarningJudge(conflict.clearance_m, conflict.clear_margin_m, measures), LossLedger(None, SITE.losses)
     revisions: list[AnyRevision] = []
@@ -117,7 +117,7 @@ def run(folder: Path) -> Surfaces:
         scores.add(each, [output])
         revisions += [*output.advisories, *output.situations]
         losses += output.losses
-        count_situations(measures, output.situations)
+        counts.count(measures, output.situations)
         ledger.add("engine", number + 1, list(output.losses))
     result = scores.result(passes, engine.measures())
     text, _ = render([passes.measures(), engine.measures(), measures.as_document()])

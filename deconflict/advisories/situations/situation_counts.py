@@ -19,15 +19,24 @@ def counted(kinds: Iterable[tuple[str, SituationKind]]) -> Counter[SituationKind
     return Counter(first.values())
 
 
-def count_situations(measures: Measures, revisions: Iterable[Situation]) -> None:
-    """Count revisions by kind and state: those that were raised as `counted`."""
-    made = list(revisions)
-    raised = counted((each.id, each.situation_kind) for each in made if each.state is AdvisoryState.RAISED)
-    later = Counter((each.situation_kind, each.state) for each in made if each.state is not AdvisoryState.RAISED)
-    for kind, count in raised.items():
-        measures.count("deconflict_situations_total", kind, AdvisoryState.RAISED.value, by=count)
-    for (kind, state), count in later.items():
-        measures.count("deconflict_situations_total", kind, AdvisoryState(state).value, by=count)
+class SituationCounts:
+    """Counts revisions by event and by the kind that each situation was raised with, as `counted` does, so that those
+    raised and those cleared of one kind can be compared."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, SituationKind] = {}
+        """The kind that each open situation had first, by id."""
+
+    def restore(self, situations: Iterable[Situation]) -> None:
+        """Those open before a restart count by the kind that they have now, as the counter begins anew as well."""
+        self._first = {each.id: each.situation_kind for each in situations}
+
+    def count(self, measures: Measures, revisions: Iterable[Situation]) -> None:
+        for each in revisions:
+            kind = self._first.setdefault(each.id, each.situation_kind)
+            if each.state is AdvisoryState.CLEARED:
+                del self._first[each.id]
+            measures.count("deconflict_situations_total", kind, AdvisoryState(each.state).value)
 
 
 def set_open_situations(measures: Measures, situations: Iterable[Situation]) -> None:

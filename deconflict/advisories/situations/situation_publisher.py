@@ -7,7 +7,7 @@ from math import inf
 from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation_counts import (
     SITUATION_FAILURES,
-    count_situations,
+    SituationCounts,
     set_open_situations,
 )
 from deconflict.advisories.situations.situation_lifecycle import Describe, SituationLifecycle
@@ -31,6 +31,7 @@ class SituationPublisher:
         self._lifecycle = SituationLifecycle(describe, people)
         self._open: dict[str, Situation] = {}
         """The newest revision of each open situation that was given out, by id."""
+        self._counts = SituationCounts()
         self._has_failed = False
         """Whether what was open before a restart could not be taken in."""
         self._measures: Measures | None = None
@@ -45,6 +46,7 @@ class SituationPublisher:
         """Continue what was open before a restart: the newest revisions of situations and advisories."""
         situations = situations_of(revisions)
         self._open = {situation.id: situation for situation in situations}
+        self._counts.restore(situations)
         try:
             self._lifecycle.restore(situations, advisories_of(revisions))
         except Exception:
@@ -75,7 +77,7 @@ class SituationPublisher:
         for situation in situations:
             if situation.state is AdvisoryState.CLEARED:
                 self._open.pop(situation.id, None)
-        count_situations(measures, situations)
+        self._counts.count(measures, situations)
         if measures is not self._measures or not 0.0 <= now_s - self._measured_s < MEASURED_EVERY_S:
             self._measures, self._measured_s = measures, now_s
             set_open_situations(measures, self._open.values())

@@ -6,6 +6,7 @@ from deconflict.advice.actions.action_text import action_text
 from deconflict.advice.document_limits import MOST_NAMED, listed
 from deconflict.advisories.words.words import RevisionWords, each_waits, words
 from deconflict_client.advisory import Recommendation
+from deconflict_client.counted_nouns import count_of
 
 Named = Callable[[str], str]
 WIDE_SPREAD_S = 3.0
@@ -107,7 +108,7 @@ def crowd(count: int, label: str, x_m: float, y_m: float, first_names: Sequence[
     return words(
         lambda _: (
             f"{count} robots of {label} report from one place, around ({round(x_m)}, {round(y_m)}) m: "
-            f"{', '.join(first_names)} and {count - len(first_names)} others"
+            f"{', '.join(first_names)} and {count_of(count - len(first_names), 'other')}"
         ),
         "",
         "check their localisation, as no conflicts among them are reported",
@@ -117,7 +118,7 @@ def crowd(count: int, label: str, x_m: float, y_m: float, first_names: Sequence[
 def claim(owner: str, claimant: str, claimed: int, first_names: Sequence[str]) -> RevisionWords:
     """A vendor reports robots of another one, or its own from two places."""
     others = claimed - len(first_names)
-    robots = f"{', '.join(first_names)} and {others} others" if others > 0 else ", ".join(first_names)
+    robots = f"{', '.join(first_names)} and {count_of(others, 'other')}" if others > 0 else ", ".join(first_names)
     if owner != claimant:
         return words(lambda _: f"{claimant} reports {robots} of {owner}: refused", "", "see GET /quarantine")
     reported = f"{robots} of {owner}: reported from two places at once"

@@ -14,6 +14,7 @@ from deconflict_client.advisory import (
     DeadlockAdvisory,
     SituationKind,
 )
+from deconflict_client.counted_nouns import count_of
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
@@ -97,7 +98,7 @@ PAST: dict[SituationKind, str] = {
     "obstacle": "{culprit} stood in the way of {names}",
     "silent_robot": "{culprit} was silent in the way of {names}",
     "deadlock": "{names} waited for each other, or were about to",
-    "identity": "{count} robots were reported by another vendor, or from two places",
+    "identity": "{robots_were} reported by another vendor, or from two places",
 }
 
 
@@ -106,8 +107,9 @@ def past_words(
 ) -> RevisionWords:
     """What was going on in a situation that is over, for a person. `names` are by UUID."""
     others = _named([name for robot, name in names.items() if robot != culprit], more_robots)
-    facts = {"names": others, "culprit": names.get(culprit or "", "a robot"), "count": len(names) + more_robots}
-    past = PAST[kind].format(**facts)
+    count, by = len(names) + more_robots, names.get(culprit or "", "a robot")
+    robots_were = count_of(count, "robot was", "robots were")
+    past = PAST[kind].format(names=others, culprit=by, count=count, robots_were=robots_were)
     return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
@@ -150,13 +152,14 @@ def _conflict(matter: Matter, principal: ConflictAdvisory, when: str) -> str:
 
 def _queue(contention: ContentionAdvisory, when: str) -> str:
     label, count = contention.resource_name, contention.queue_length
-    robots = "1 robot" if count == 1 else f"{count} robots"
+    robots = count_of(count, "robot")
     if contention.resources:
         wait = f"{robots} will probably have to wait for {label}{when}"
     else:
         wait = f"{robots} {'has' if count == 1 else 'have'} to wait for {label}{when}"
     needed = "one" if contention.resources else "it"
-    return f"{wait}, up to {contention.wait_s:.0f} s; {len(contention.robots)} robots need {needed}"
+    all_robots = count_of(len(contention.robots), "robot needs", "robots need")
+    return f"{wait}, up to {contention.wait_s:.0f} s; {all_robots} {needed}"
 
 
 def _stood(stood_s: float) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
+from deconflict.foresight.forecast_errors.doubted_robots import DoubtedRobots
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
@@ -50,7 +51,7 @@ from deconflict.sweep.pair_choice import NO_CROWDS, Claims
 from deconflict_client.verbs import Followed
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
-from ingest.measures.measures import Labels, Measures
+from ingest.measures.measures import Measures
 
 STAYS_S = 20.0
 """A robot that has stood for at least this time is expected to stay."""
@@ -86,7 +87,7 @@ class ProbabilityEstimator:
         self.learning = OutcomeLearning(horizon_s, measures)
         self._bounds = Bounds(clearance_m, apart_m, horizon_s)
         self._robots, self.pending = TrackedRobots(crowds), PendingForecasts()
-        self._stated_ways = blank_records(0)
+        self._stated_ways, self._doubts = blank_records(0), DoubtedRobots()
         self.losses, self.followers = LossFinder(), AdviceFollowers()
         self._candidates = PairCandidates(self._robots, clearance_m, horizon_s, claims)
         self._measuring = PairMeasuring(self._bounds, self._robots, self.pending)
@@ -127,7 +128,7 @@ class ProbabilityEstimator:
             return batch
         slots = self._robots.add(batch)
         self._grow(len(self._robots))
-        batch = self._believed(batch, slots)
+        announced, batch = batch, self._believed(batch, slots)
         kinds = (batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         ledger_rows = np.array(self.ledger.rows(*kinds))
         self.following.add_kinds(self.ledger, batch.now_s)
@@ -135,7 +136,8 @@ class ProbabilityEstimator:
         reports = ReportedTracks.of(batch, slots, ledger_rows)
         self._record_errors(self._compare(reports, batch.now_s), batch.now_s)
         self._find_interactions(batch, reports)
-        for row in self._contradicts(slots).nonzero()[0].tolist():
+        self._doubts.note(slots, announced, contradict := self._contradicts(slots))
+        for row in contradict.nonzero()[0].tolist():
             self.measures.count("deconflict_forecasts_distrusted_total", batch.vendors[row])
         return batch
 
@@ -286,8 +288,8 @@ class ProbabilityEstimator:
         return (slot := self._robots.slots.get(uuid)) is not None and bool(self._contradicts(slot))
 
     def distrusted(self) -> list[str]:
-        """UUIDs of the robots whose forecasts contradict their motion, in ascending order."""
-        return sorted(self._robots.names[self._contradicts(slice(None))].tolist())
+        """UUIDs of the robots to name as those that move otherwise than they announce, in ascending order."""
+        return sorted(self._robots.names[self._doubts.said(self._looked_s)].tolist())
 
     def _contradicts(self, slots: int | Ints | slice) -> Bools:
         """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""
@@ -296,11 +298,9 @@ class ProbabilityEstimator:
 
     def _measure(self) -> None:
         measure(self.ledger, self.measures)
-        kinds = list(self.ledger.kinds)
-        distrusted: dict[Labels, float] = {(kind.vendor,): 0.0 for kind in kinds}
-        for slot in np.flatnonzero(self._contradicts(slice(None))).tolist():
-            distrusted[kinds[self._robots.records["kind"][slot]].vendor,] += 1
-        self.measures.level("deconflict_robots_distrusted", distrusted)
+        vendors, of_robots = self._robots.vendor_numbers, self._robots.vendor[self._doubts.said(self._looked_s)]
+        counts = np.bincount(of_robots, minlength=len(vendors)).tolist()
+        self.measures.level("deconflict_robots_distrusted", {(name,): counts[row] for name, row in vendors.items()})
 
     def set_presence(self, uuid: str, probability: float) -> None:
         """Set the probability that a robot is present."""
@@ -337,14 +337,14 @@ class ProbabilityEstimator:
         more = slots - len(self._stated_ways)
         if more > 0:
             self._stated_ways = np.concatenate([self._stated_ways, blank_records(more)])
-            for table in (self.pending, self._rollouts, self.losses, self.followers):
+            for table in (self.pending, self._doubts, self._rollouts, self.losses, self.followers):
                 table.grow(slots)
 
     def _forget(self, uuids: Collection[str]) -> None:
         if not len(slots := self._robots.remove(uuids)):
             return
         self._stated_ways[slots] = blank_records(len(slots))
-        for table in (self.pending, self._rollouts, self.losses, self.followers):
+        for table in (self.pending, self._doubts, self._rollouts, self.losses, self.followers):
             table.forget(slots)
         a, b = slots_of(self.pairs["code"])
         self.pairs = self.pairs[self._robots.is_used[a] & self._robots.is_used[b]]

@@ -7,10 +7,12 @@ import json
 from functools import cache
 from html import escape
 from importlib.metadata import version
+from typing import Any
 
 from fastapi import Depends, FastAPI, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
+from starlette.exceptions import HTTPException
 
 from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_groups import described
@@ -22,6 +24,7 @@ from deconflict.operator.http.request_limits import (
     RequestLimitsMiddleware,
     invalid_request,
     refuse_unknown_parameters,
+    unknown_address,
 )
 from deconflict.operator.http.server.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
@@ -98,7 +101,8 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     add_suggestion_routes(app, ask, lambda: sources.measures(), lambda: app.state.site)  # noqa: PLW0108
     _add_sockets(app, publisher, store, sources)
     _add_descriptions(app)
-    refusals = {SourceUnavailableError: source_unavailable, StoreError: store_failed, Exception: failed}
+    refusals: dict[type[Exception], Any] = {SourceUnavailableError: source_unavailable, StoreError: store_failed}
+    refusals |= {Exception: failed, HTTPException: unknown_address}
     for error, refusal in (refusals | {RequestValidationError: invalid_request}).items():
         app.add_exception_handler(error, refusal)
     return app

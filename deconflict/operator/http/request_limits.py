@@ -4,17 +4,20 @@ safe headers, no error."""
 import asyncio
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping
-from typing import Any
+from http import HTTPStatus
+from typing import Any, cast
 
 from fastapi import HTTPException, Request
+from fastapi.exception_handlers import http_exception_handler
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from fastapi.routing import APIRoute
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from deconflict.operator.http.server.server_protocols import Places
+from ingest.languages.visible_text import visible
 
 MOST_BODY_BYTES = 64 * 1024
 """No route needs a longer body."""
@@ -25,6 +28,8 @@ BURST_S, MOST_WAIT_S = 2.0, 4.0
 LONGEST_DEBT_S = BURST_S + 2 * MOST_WAIT_S
 """An address that has sent a flood is served at once again after this time."""
 MOST_SENDERS = 10_000
+MOST_LETTERS = 100
+"""So much of an address is repeated."""
 TOO_MANY = "too many requests from this address or person at once; ask less often"
 TOO_LONG = f"a body has {MOST_BODY_BYTES} bytes at most"
 SAFE_HEADERS = {"x-content-type-options": "nosniff", "content-security-policy": "default-src 'none'"}
@@ -153,8 +158,23 @@ async def invalid_request(_: Request, error: Exception) -> JSONResponse:
 def _problem_text(problem: Mapping[str, Any]) -> str:
     """Where it is, and what was expected. The place is the parameter or the path in the body."""
     path = problem["loc"][1:]
-    where = ".".join(map(str, path)) if path and problem["type"] != "json_invalid" else "body"
-    return f"{where}: {problem['msg']}"
+    if problem["type"] == "json_invalid":
+        why = problem.get("ctx", {}).get("error", problem["msg"])
+        return f"body: is no JSON at character {int(path[0]) + 1}: {why}" if path else f"body: is no JSON: {why}"
+    return f"{'.'.join(map(str, path)) or 'body'}: {problem['msg']}"
+
+
+async def unknown_address(request: Request, error: Exception) -> Response:
+    """The answer to a refusal of a route, and to an address or method that none has: it names what was asked for."""
+    refusal = cast(HTTPException, error)
+    asked, allowed = visible(_written(request.url.path[:MOST_LETTERS])), (refusal.headers or {}).get("Allow")
+    if refusal.status_code == HTTPStatus.NOT_FOUND and refusal.detail == HTTPStatus.NOT_FOUND.phrase:
+        detail = f"there is no {asked}; GET /openapi.json lists all addresses"
+    elif refusal.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        detail = f"{asked} can't be asked by {request.method}" + (f"; expected {allowed}" if allowed else "")
+    else:
+        return await http_exception_handler(request, refusal)
+    return JSONResponse({"detail": detail}, refusal.status_code, headers=refusal.headers)
 
 
 def _written(text: str) -> str:

@@ -4,7 +4,6 @@ import { acknowledge, remember, remembered } from "./list/acknowledge.js";
 import { Alarm } from "./list/alarm.js";
 import { Camera } from "./map/camera.js";
 import { Cards, lines, setText } from "./list/cards.js";
-import { Doubts } from "./list/doubts.js";
 import { Costs } from "./dialogs/costs.js";
 import { Feed } from "./floor/feed.js";
 import { Filters } from "./list/filters.js";
@@ -33,7 +32,7 @@ const NEWS_S = 5; // an older revision is not announced: the stream sends it aga
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
 
-const vendors = new Vendors(), doubts = new Doubts();
+const vendors = new Vendors();
 const feed = new Feed(announce);
 const live = new Live(() => feed.renew(), (seq, atS) => feed.hasPublished(seq, atS));
 const shown = new Shown(live, feed);
@@ -241,16 +240,17 @@ function list() {
   $("nothing").textContent = !live.everConnected ? "Connecting to the service…" : !live.tickS ? "Loading the floor…" : known.length ? "No robot is on this floor." : "No robot has been heard yet. Connect the robots to the service; they appear by themselves.";
   $("map").setAttribute("aria-label", `Map of ${floorName(floor)}: ${counted(here)}, ${lasting.filter(({ location }) => location?.datum === floor).length} situations. Arrow keys move, plus and minus zoom, 0 shows all.`);
   setText($("vendors-title"), shown.isPast ? "Vendors now" : "Vendors");
-  doubts.note(live.health, live.robots);
   vendors.tables($("vendors").tBodies[0], $("figures").querySelector("tbody"), live.health, distrusted);
   vendors.mending($("to-mend"), live.health);
   if ($("robots").open) fillTable($("robots").querySelector("tbody"), here, shown.atS, isTakenOff, shown.isPast ? new Map() : vendors.notCompared());
   showBox();
 }
 
+function isDistrusted({ uuid }) { return live.health.distrusted?.includes(uuid) ?? false; }
+
 // The names of a vendor's robots that drive otherwise than they announce.
 function distrusted(vendor) {
-  return [...live.robots.values()].filter((robot) => robot.vendor === vendor && doubts.has(robot.uuid)).map(({ name }) => short(name, vendor)).sort();
+  return [...live.robots.values()].filter((robot) => robot.vendor === vendor && isDistrusted(robot)).map(({ name }) => short(name, vendor)).sort();
 }
 
 // A point in words: the place that it lies in, or else its coordinates, and the floor if that is another one than the map's.
@@ -262,7 +262,7 @@ function placeName({ floor: datum, x, y }) {
 function showBox() {
   filters.keep(robotShown);
   const robot = robotShown && shown.robots.get(robotShown);
-  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: !shown.isPast && doubts.has(robot.uuid), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
+  box.show(robot || null, robot && { nowS: shown.atS, isTakenOff: isTakenOff(robot), isPast: shown.isPast, isFollowed: followed === robot.uuid, whereIs: placeName, isDistrusted: !shown.isPast && isDistrusted(robot), standards: vendors.standards(robot.vendor), notCompared: shown.isPast ? null : vendors.notCompared().get(robot.uuid)?.reason });
 }
 
 // New situations are announced politely, critical ones at once unless robots or other advice come first, also if somebody acknowledged them before they became critical.

@@ -17,6 +17,7 @@ from deconflict.operator.store.migrations import TABLES, UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import ReservedNumbers, epoch
 from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
+from deconflict_client.counted_nouns import count_of
 from ingest.plain_files import UnfitDatabaseError, check_database
 
 log = logging.getLogger(__name__)
@@ -49,7 +50,7 @@ class Renewal(NamedTuple):
     def __str__(self) -> str:
         if not self.file:
             return f"{FILE_NAME} {GONE}"
-        parts = [f"{self.salvage.copied} revisions were copied"]
+        parts = [f"{count_of(self.salvage.copied, 'revision was', 'revisions were')} copied"]
         if self.salvage.lost:
             parts.append(f"up to {self.salvage.lost} could not be read")
         if not self.salvage.is_complete:

@@ -77,8 +77,10 @@ class WarningCounts(NamedTuple):
 class LossEvidence:
     """The sums of a span."""
 
+    from_s: float
+    until_s: float
     hours: float
-    """Length of what was observed."""
+    """Length of what was observed between these times."""
     lost_s: float
     """All that was lost, also if it is in no cell of the list."""
     cells: list[CellLoss]
@@ -107,6 +109,8 @@ class LossEvidence:
             share=round(lost_s / max(self.lost_s, 1.0), 3),
             losses=losses,
             hours=round(self.hours, 2),
+            from_s=self.from_s,
+            until_s=self.until_s,
             pairs=[
                 PairShare(vendor=vendor, by=by, lost_s_per_hour=round(seconds / self.hours, 1))
                 for (vendor, by), seconds in sums.most_common(MOST_PAIRS)
@@ -130,6 +134,8 @@ def evidence_of(
     for row in _rows(by_hour):
         sums.setdefault(_key(row), Counter())[row["hour"]] += row["lost_s"]
     return LossEvidence(
+        from_s=max(by_cell.from_s, begun_s) if span_s is None else by_cell.from_s,
+        until_s=by_cell.until_s if span_s is None else by_cell.from_s + span_s,
         hours=max(observed_s if span_s is None else span_s, 1.0) / HOUR_S,
         lost_s=by_cell.total.lost_s,
         cells=[

@@ -7,6 +7,7 @@ from deconflict.operator.suggestions.place_rules import is_enough, is_steady, sa
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import minutes, whatif_command
 from deconflict_client.answers.suggestion_models import Saving, Suggestion, SuggestionEvidence
+from deconflict_client.counted_nouns import count_of
 
 UNANNOUNCED = ("blockage",)
 """The other robot stands for nobody, where its forecast said that it would drive."""
@@ -76,8 +77,8 @@ def _clearance(evidence: LossEvidence, now: WarningCounts, best: WarningCounts) 
     size = "smaller" if best.clearance_m < now.clearance_m else "larger"
     text = (
         f"Make the clearance {size}, {best.clearance_m:g} m instead of {now.clearance_m:g} m: in this log "
-        f"{best.in_vain} warnings instead of {now.in_vain} would have been in vain, and {best.seen} of "
-        f"{now.stops} stops for others instead of {now.seen} would have had a warning."
+        f"{count_of(best.in_vain, 'warning')} instead of {now.in_vain} would have been in vain, and {best.seen} of "
+        f"{count_of(now.stops, 'stop')} for others instead of {now.seen} would have had a warning."
     )
     command = whatif_command("--set", f"clearance={best.clearance_m:g}")
     return Suggestion(kind="clearance", text=text, evidence=evidence.of_cells((), ()), saving=None, check=command)

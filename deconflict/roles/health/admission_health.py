@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet.owners.admission import PARTLY_EXAMINED, UNEXAMINED, remedy
 from ingest.measures.measures import joined_values
 
@@ -32,7 +33,8 @@ def pairs_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
         return {"status": "ok", "robots": 0}
     named = ", ".join(f"{count} of {vendor}" for vendor, count in sorted(by_vendor.items())[:MOST_NAMED])
     reason = (
-        f"{robots} robots are compared with some others only: {named}; they report from one place, or more robots come "
+        f"{count_of(robots, 'robot is', 'robots are')} compared with some others only: {named}; "
+        "they report from one place, or more robots come "
         "near them than have room there; check their places and sizes (partly_examined in GET /presence)"
     )
     return {"status": "degraded", "reason": reason, "robots": robots}

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet.fleet_report import NOT_COMPARED
 from ingest.fleet.owners.comparability import NOT_READ, REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import joined_values
@@ -30,7 +31,8 @@ def positions_document(documents: Sequence[dict[str, Any]], senders: Sequence[di
         for (vendor, fault), count in sorted(robots.items())[:MOST_NAMED]
     ]
     if reasons:
-        reasons = [f"{sum(robots.values())} robots are heard and compared with nobody: {'; '.join(reasons)}; {WHERE}"]
+        heard = count_of(sum(robots.values()), "robot is", "robots are")
+        reasons = [f"{heard} heard and compared with nobody: {'; '.join(reasons)}; {WHERE}"]
     messages, per_s = values.get("deconflict_messages_total", {}), values.get("deconflict_messages_per_second", {})
     unread = sorted(
         vendor

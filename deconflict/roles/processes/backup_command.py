@@ -16,6 +16,7 @@ from deconflict.operator.store.recovery import reserved_numbers
 from deconflict.operator.store.tables import last_seq, read_only
 from deconflict.runtime.command_parsers import Commands, add_command
 from deconflict.runtime.data_lock import LOCKS, DataDirectoryError, create_data_directory
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
 from ingest.languages.visible_text import visible
@@ -50,7 +51,7 @@ def add_backup(commands: Commands) -> None:
 
 def _backup(args: argparse.Namespace) -> int:
     copied = backed_up(args.data, args.target)
-    sys.stdout.write(f"{args.target}: {copied} files\n")
+    sys.stdout.write(f"{args.target}: {count_of(copied, 'file')}\n")
     sys.stdout.writelines(f"not copied: {visible(name)}\n" for name in left_out(args.data, args.target))
     return 0
 

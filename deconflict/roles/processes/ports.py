@@ -12,6 +12,8 @@ from deconflict.settings.site import Site
 LAST_PORT = 65535
 port_number = whole_in(0, LAST_PORT)
 """The type of an argument that is a port; 0 is any free one."""
+OPTIONS = {"receiver": "--robots-port", "operator": "--operator-port"}
+"""By section of the site, the option of `serve` that sets its port."""
 
 
 class Address(Protocol):
@@ -31,7 +33,9 @@ class PortTakenError(OSError):
         number = error.errno or 0
         why = os.strerror(number) if number > 0 else error.strerror or str(error)
         where = f"{address.host}:{address.port}"
-        super().__init__(f"can't listen on {where}: {why}. Set another {section}.port or {section}.host")
+        option = OPTIONS.get(section, "")
+        asked = f"{section}.port{f' ({option})' if option else ''} or {section}.host"
+        super().__init__(f"can't listen on {where}: {why}. Set another {asked}")
         self.errno = error.errno
 
 
@@ -46,6 +50,11 @@ def listen_at(section: str, address: Address) -> socket.socket:
 
 def refuse_taken(site: Site, sections: Iterable[str]) -> None:
     """Raises `PortTakenError` if the service can't listen at the addresses of these `sections` of the site at once."""
+    section_at: dict[tuple[str, int], str] = {}
     with ExitStack() as listeners:
         for section in sections:
-            listeners.enter_context(listen_at(section, getattr(site, section)))
+            address: Address = getattr(site, section)
+            other = section_at.setdefault((address.host, address.port), section)
+            if address.port and other != section:
+                raise PortTakenError(section, address, OSError(0, f"{other}.port is the same port"))
+            listeners.enter_context(listen_at(section, address))

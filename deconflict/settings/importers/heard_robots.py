@@ -6,6 +6,7 @@ from typing import Any
 
 from deconflict.settings.importers.site_questions import SiteAnswers
 from deconflict.settings.importers.toml_values import toml_value
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.participant_kinds import NOUNS
 from ingest.languages.visible_text import visible
 
@@ -89,7 +90,7 @@ def _vendor_lines(
     if are_people:
         yield 'participant = "person"'
     singular, plural = NOUNS["person" if are_people else "robot"]
-    heard = f"1 {singular} was" if len(robots) == 1 else f"{len(robots) or 'No'} {plural} were"
+    heard = count_of(len(robots), f"{singular} was", f"{plural} were") if robots else f"No {plural} were"
     yield f"# {heard} heard{f', {unnamed} of them without an identity report' if unnamed else ''}."
     makers = sorted({maker for robot in robots if (maker := _identity(robot, "manufacturerName"))} - {vendor})
     if makers:

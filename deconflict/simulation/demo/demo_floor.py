@@ -11,9 +11,10 @@ from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S, RobotFloor, warehouse
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.situations import AnyRevision
 
-SHOWN = ("lost_s", "waited_s", "stops", "trips")
+SHOWN = ("delay_s", "waited_s", "stops", "trips")
 """The sums of `LostTime` that the demo prints."""
 ORDERS = ("wait", "slow_down", "back_out", "go_around", "wait_before")
 
@@ -88,7 +89,7 @@ class DemoFloor(FollowingFloor):
         own, other = self.lost_time(), self._without_advice.lost_time()
         orders = sum(self._follower.counts[action] for action in ORDERS)
         return (
-            f"Robots follow advice: {orders} order{'' if orders == 1 else 's'} so far. "
-            f"They lost {own.lost_s:.0f} s on their way, {other.lost_s:.0f} s without advice; "
+            f"Robots follow advice: {count_of(orders, 'order')} so far. "
+            f"They were {own.delay_s:.0f} s late on their way, {other.delay_s:.0f} s without advice; "
             f"{own.stops} long stops, {other.stops} without; {own.trips} arrivals, {other.trips} without"
         )

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
+from deconflict_client.counted_nouns import count_of
 from ingest.languages.visible_text import visible
 from ingest.measures.measures import Histogram, joined_values
 
@@ -96,8 +97,9 @@ def advisory_line(advisory: AnyAdvisory) -> Text:
 def tables(view: DemoView, sentence: str) -> Group:
     result = view.result()
     counts = Text(
-        f"{result['robots']} robots   {result['messages']} messages ({result['rejected']} rejected)   "
-        f"{view.raised} advisories raised, {view.cleared} cleared   "
+        f"{count_of(int(result['robots']), 'robot')}   {count_of(int(result['messages']), 'message')} "
+        f"({result['rejected']} rejected)   "
+        f"{count_of(view.raised, 'advisory', 'advisories')} raised, {view.cleared} cleared   "
         f"message to advisory p99 {result['latency_p99_ms']:.0f} ms"
     )
     notes = [Text("Advisory, not safety rated. Ctrl-C ends.")]

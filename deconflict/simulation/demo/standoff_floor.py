@@ -11,6 +11,7 @@ from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S
 from deconflict_client.advisory import ClearedCode
 from deconflict_client.advisory.robot_advice import RobotAdvice
+from deconflict_client.counted_nouns import count_of
 from deconflict_client.situations import AnyRevision
 
 OFF = "busy: advice is off in this turn"
@@ -78,7 +79,7 @@ class StandoffFloor(FollowingFloor):
         driven, stood = self.turns.saved("driven_mps"), self.turns.saved("stood_share")
         if not driven or not stood:
             return "What it saves is known after two turns"
-        pairs = f"{driven.pairs} pair{'' if driven.pairs == 1 else 's'} of turns"
+        pairs = count_of(driven.pairs, "pair of turns", "pairs of turns")
         return (
             f"With advice {driven.with_advice:.2f} m/s a robot, without {driven.without:.2f}: "
             f"{_difference(driven, 1.0, 2)} over {pairs}. Of a minute on their way robots stood for "

@@ -22,8 +22,8 @@ class LostTime:
 
     driven_s: float
     """On their way."""
-    lost_s: float
-    """Compared with the speed that the path allows, without acceleration."""
+    delay_s: float
+    """Lost for whatever cause, compared with the speed that the path allows, without acceleration."""
     waited_s: float
     """Standing on the way, for others or because they were told to."""
     advised_s: float
@@ -41,7 +41,7 @@ class LostTimeCounter:
 
     def __init__(self, world: MovingRobots) -> None:
         self._world, self._rows = world, np.arange(len(world))
-        self._driven_s = self._lost_s = self._waited_s = self._advised_s = self._stopped_s = 0.0
+        self._driven_s = self._delay_s = self._waited_s = self._advised_s = self._stopped_s = 0.0
         self._stops = self._trips = 0
         self._standing_s = np.zeros(len(world))
         """(n,) how long each has stood on its way; 0 if it does not."""
@@ -55,7 +55,7 @@ class LostTimeCounter:
         standing = driving & (np.abs(world.speed_mps) < STANDING_MPS)
         instructed = world.instructions.top_mps(world.t_s) == 0.0
         self._driven_s += dt_s * float(driving.sum())
-        self._lost_s += dt_s * float((1.0 - np.minimum(share, 1.0))[driving].sum())
+        self._delay_s += dt_s * float((1.0 - np.minimum(share, 1.0))[driving].sum())
         self._waited_s += dt_s * float(standing.sum())
         self._advised_s += dt_s * float((standing & instructed).sum())
         ended_s = self._standing_s[(self._standing_s >= LONG_S) & ~standing]
@@ -69,7 +69,7 @@ class LostTimeCounter:
         lasting_s = self._standing_s[self._standing_s >= LONG_S]
         return LostTime(
             driven_s=round(self._driven_s, 1),
-            lost_s=round(self._lost_s, 1),
+            delay_s=round(self._delay_s, 1),
             waited_s=round(self._waited_s, 1),
             advised_s=round(self._advised_s, 1),
             stops=self._stops + len(lasting_s),

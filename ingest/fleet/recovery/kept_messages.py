@@ -15,6 +15,7 @@ from contextlib import closing, suppress
 from math import inf
 from pathlib import Path
 
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.recovery.kept_rows import (
     BUSY_TIMEOUT_S,
@@ -88,7 +89,8 @@ class KeptMessages:
             rows, unreadable = read_rows(self._path, READ_TIMEOUT_S)
             rows = [row for row in rows if row.heard_s >= heard_since_s]
             if unreadable:
-                self._fail("read", f"{unreadable} rows of {FILE_NAME} are not as this service writes them; left out")
+                are = count_of(unreadable, "row is", "rows are")
+                self._fail("read", f"{FILE_NAME}: {are} not as this service writes them; left out")
             self._heard_s = {row.uuid: row.heard_s for row in rows if row.kind == IDENTITY}
             return [self._settled(row, now_s) for row in rows]
         except (sqlite3.DatabaseError, OSError) as error:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from deconflict_client.counted_nouns import count_of
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
@@ -72,8 +73,9 @@ def summary(fleet: Fleet, found: Recovered) -> str:
     owned = sum(fleet.owners.owner(uuid) is not None for uuid in unidentified)
     seen = sum(robot.seen is not None for robot in fleet.robots.values())
     return (
-        f"the floor is restored: {len(fleet.robots)} robots, {seen} of them with a position; {len(unidentified)} have "
-        f"sent no identity report, and of these {owned} have an owner; {found.messages} messages were read"
+        f"the floor is restored: {count_of(len(fleet.robots), 'robot')}, {seen} of them with a position; "
+        f"{count_of(len(unidentified), 'has', 'have')} sent no identity report, and of these "
+        f"{count_of(owned, 'has', 'have')} an owner; {count_of(found.messages, 'message was', 'messages were')} read"
     )
 
 

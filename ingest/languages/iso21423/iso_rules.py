@@ -1,6 +1,6 @@
 """The rules of ISO 21423 by code: rejections and deviations. Rules that other languages have too keep their codes."""
 
-from ingest.languages.rules import Rule, position_rule, size_rules, value_rules, word_rules
+from ingest.languages.rules import Rule, axes_rule, degrees_rule, position_rule, size_rules, value_rules, word_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -77,6 +77,8 @@ _STATE = (
     _in_context("datum-unknown", "The site file does not have this coordinate system; a floor of its own.", "odometry"),
     _in_context("datum-too-many", "More unknown coordinate systems than are kept; compared with nothing.", "odometry"),
     position_rule("odometry"),
+    axes_rule("odometry"),
+    degrees_rule("odometry"),
 )
 _WHERE_TO = (
     Rule("point-unreadable", "A point has no place that can be read; the point is left out.", "localTrajectory"),

@@ -7,7 +7,7 @@ from ingest.batch import Amounts
 from ingest.languages import timestamps
 from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import STATES, Speeds, TimedPoint
-from ingest.languages.model import NO_PATH, Path, Row, Status
+from ingest.languages.model import NO_PATH, Path, Row, Status, beyond_turn
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 
@@ -72,6 +72,7 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVING_MPS),
         is_lost="LOST" in memory.states,
         oddities=tuple(findings.oddities),
+        heading_sent=beyond_turn(yaw_rad),
     )
 
 

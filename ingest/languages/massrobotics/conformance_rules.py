@@ -4,7 +4,7 @@ A message that breaks a rejecting rule is rejected. A message that deviates from
 the rule says, and the deviation is counted. Codes are label values of metrics: they do not change.
 """
 
-from ingest.languages.rules import Rule, position_rule, size_rules, value_rules
+from ingest.languages.rules import Rule, axes_rule, position_rule, size_rules, value_rules
 
 
 def _rejecting(code: str, sentence: str, clause: str) -> Rule:
@@ -98,6 +98,7 @@ _WHERE = (
     _in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
     _in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
     position_rule("3.3"),
+    axes_rule("3.3"),
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),

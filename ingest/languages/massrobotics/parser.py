@@ -104,6 +104,8 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
     linear_mps, turn_rad_per_s = amounts.motion(report.velocity, findings)
     if not known_state:
         state = vocabulary.by_motion(state, linear_mps)
+    yaw_rad = path_points.yaw_rad(here.angle, findings)
+    path_points.name_angle(here.angle, findings)
     return Status(  # by position: keyword arguments are slow, and every status comes here
         uuid,
         stamp_s,
@@ -113,7 +115,7 @@ def _status(report: StatusReport, uuid: str, findings: Findings) -> Status:
         here.x,
         here.y,
         height_m,
-        path_points.yaw_rad(here.angle, findings),
+        yaw_rad,
         vocabulary.datum(here.planarDatum, here.planarDatumUUID, findings, empty="datum-missing", path=DATUM_PATH),
         linear_mps,
         turn_rad_per_s,

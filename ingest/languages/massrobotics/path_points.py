@@ -18,6 +18,7 @@ PATH_S, DESTINATIONS_S = 10.0, 900.0
 """How far ahead the standard lets a path and destinations reach."""
 MOST_POINTS = 10
 MOST_POINTS_USED = 200
+ANGLE_IN_Z = "normalised; is z the heading as an angle? A quaternion has z = sin(heading / 2), w = cos(heading / 2)"
 SLACK_S = 1.0
 """A time may be this far beyond a limit without a deviation, since stamps are rounded."""
 UNSET_CLOCK_S = 366 * 86400.0
@@ -47,6 +48,13 @@ def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
         findings["angle-not-unit"] = None
         x, y, z, w = x / largest, y / largest, z / largest, w / largest
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def name_angle(angle: Quaternion | None, findings: Findings) -> None:
+    """Name the quaternion of a location that was not of unit length, if its z alone varies: an angle was put there."""
+    if angle and "angle-not-unit" in findings and not (angle.x or angle.y) and angle.w in (0.0, 1.0):
+        sent = {"x": angle.x, "y": angle.y, "z": angle.z, "w": angle.w}
+        findings.note("angle-not-unit", "location.angle", sent, ANGLE_IN_Z)
 
 
 def path(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:

@@ -1,6 +1,15 @@
 """The rules of VDA 5050 by code: rejections and deviations. Rules that MassRobotics has too keep their codes."""
 
-from ingest.languages.rules import Rule, load_rules, position_rule, size_rules, value_rules, word_rules
+from ingest.languages.rules import (
+    Rule,
+    axes_rule,
+    degrees_rule,
+    load_rules,
+    position_rule,
+    size_rules,
+    value_rules,
+    word_rules,
+)
 
 
 def _rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
@@ -85,6 +94,8 @@ _WHERE = (
     _in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
     _in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
     position_rule("state"),
+    axes_rule("state"),
+    degrees_rule("state"),
 )
 _WHERE_TO = (
     Rule("order-too-long", "More than three thousand nodes; three thousand from the robot's last node used.", "order"),

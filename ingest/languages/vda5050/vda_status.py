@@ -6,7 +6,7 @@ from operator import lt
 from ingest.batch import Amounts, Basis
 from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages import timestamps
-from ingest.languages.model import NO_PATH, Path, Row, Status, bounded_codes
+from ingest.languages.model import NO_PATH, Path, Row, Status, beyond_turn, bounded_codes
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, speed_mps
@@ -40,7 +40,6 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    reported_mps = speed_mps(pose.velocity)
     operational = _operational_state(memory, state, pose)
     linear_mps, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
@@ -67,12 +66,13 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state, reported_mps),
+        is_blocked=_is_blocked(state, speed_mps(pose.velocity)),
         is_lost=_is_lost(position),
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
         oddities=tuple(findings.oddities),
+        heading_sent=beyond_turn(position.theta),
     )
 
 

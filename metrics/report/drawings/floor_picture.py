@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from deconflict_client.counted_nouns import count_of
 from metrics.report.drawings.svg import Chart, Point, fitted
 
 CELLS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 50.0)
@@ -65,5 +66,6 @@ def _cells(chart: Chart, warnings: Sequence[tuple[Point, str]], reach_m: float) 
     most = max((counts.total() for counts in found.values()), default=1)
     for (column, row), counts in sorted(found.items()):
         total, corner = counts.total(), (column * cell, row * cell)
-        title = f"x {corner[0]:g}, y {corner[1]:g}: {total} warnings, {counts['y']} came true, {counts['n']} in vain"
+        all_warnings = count_of(total, "warning")
+        title = f"x {corner[0]:g}, y {corner[1]:g}: {all_warnings}, {counts['y']} came true, {counts['n']} in vain"
         chart.box(corner, (corner[0] + cell, corner[1] + cell), "heat", title, 0.15 + 0.6 * total / most)

@@ -276,10 +276,10 @@ def test_what_it_costs_is_said_of_today(browser: "Browser", floor: Service) -> N
         page.click("#costs-open")
         until(page, "document.getElementById('costs-body').textContent.includes('Today robots lost')")
         assert page.locator("#costs-body h3").all_text_contents() == [
-            "The five worst places",
+            "The five worst places today",
             "What to change",
-            "The five worst pairs",
-            "By hour",
+            "The five worst pairs today",
+            "Today by hour",
         ]
         page.click("#costs-close")
 

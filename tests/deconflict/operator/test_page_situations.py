@@ -2,6 +2,7 @@
 
 import re
 import time
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -196,30 +197,6 @@ async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announce
         ]
 
 
-async def test_only_a_vehicle_with_a_path_that_stays_off_it_is_said_to_move_otherwise(
-    browser: "Browser", face: Served
-) -> None:
-    script = """async (looks) => {
-        const { Doubts } = await import("/page/list/doubts.js"), doubts = new Doubts();
-        const ways = { off: "path", order: "order", flickers: "path", silent: "velocity", foot: "path" };
-        const robots = new Map(Object.entries(ways).map(([uuid, basis]) =>
-            [uuid, { uuid, basis, participant: uuid === "foot" ? "person" : "robot" }]));
-        return looks.map(([at_s, distrusted]) => {
-            doubts.note({ at_s, distrusted }, robots);
-            return [...robots.keys()].filter((uuid) => doubts.has(uuid));
-        });
-    }"""
-    everybody = ["off", "order", "flickers", "silent", "foot"]
-    steady = [each for each in everybody if each != "flickers"]
-    looks = [(at_s, everybody if at_s % 6 else steady) for at_s in range(0, 22, 2)]
-    looks += [(28, []), (36, ["off"]), (51, []), (67, [])]
-    async with opened(browser, face) as page:
-        named = await page.evaluate(script, looks)
-    assert named[:5] == [[]] * 5, "not before 10 s on end"
-    assert named[5:12] == [["off", "order"]] * 7
-    assert named[12:] == [["off", "order"], ["off"], []], "30 s after it was doubted last"
-
-
 async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser", face: Served) -> None:
     nothing: dict[str, Any] = {"advice": None, "advisories": (), "severity": Severity.CAUTION}
     await face.publish(shown(1, 0, 1, **nothing, ends="by itself: nothing is foreseen there any more"))
@@ -268,6 +245,20 @@ async def test_what_it_costs_says_how_much_was_warned_of_and_heeded(browser: "Br
         unadvised = total | {"advised_s": 0, "heeded_s": 0}
         assert "60 s were warned of before. Sums" in await page.evaluate(script, unadvised)
         assert "warned" not in await page.evaluate(script, total | {"losses": 0, "lost_s": 0})
+
+
+async def test_a_suggestion_says_of_what_time_its_figures_are(browser: "Browser", face: Served) -> None:
+    script = """async ([from_s, until_s]) => {
+        const { Costs } = await import("/page/dialogs/costs.js");
+        const place = { text: "Lane: robots lose 40 s an hour.", evidence: { from_s, until_s }, since_s: until_s };
+        const total = { lost_s: 90, losses: 0, cost: null }, found = { places: [place], suggestions: [] };
+        new Costs((floor) => floor, () => {}).show({ total, rows: [], currency: "" }, [], [], [], 0, found);
+        return document.querySelector("#costs-body ol").textContent;
+    }"""
+    span = [datetime(2026, 3, 2, hour).astimezone().timestamp() for hour in (6, 14)]
+    async with opened(browser, face) as page:
+        sentences = await page.evaluate(script, span)
+    assert sentences.endswith("an hour. These figures are of 06:00 to 14:00; it stands since 14:00.")
 
 
 async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_else(
@@ -544,7 +535,7 @@ async def test_the_menu_and_each_dialog_are_wholly_on_a_narrow_screen(
             await page.evaluate(f"document.getElementById('site').textContent = '{site}'")
             assert await page.locator("#alerts > div").evaluate(inside), site
         await page.click("#alerts summary")
-        for name, last in ("shift", "Who acknowledged what"), ("costs", "By hour"):
+        for name, last in ("shift", "Who acknowledged what"), ("costs", "Today by hour"):
             await page.click(f"#{name}-open")
             await until(page, f"document.getElementById('{name}-body').textContent.includes('{last}')")
             assert await page.locator(f"#{name}").evaluate(inside), name

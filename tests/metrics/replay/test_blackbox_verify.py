@@ -142,3 +142,13 @@ def rewritten(file: Path, to: Path, change: Callable[[dict[str, Any]], dict[str,
 
 def unlinked(line: bytes) -> bytes:
     return b"{" + line[len(b'{"before":"') + 64 + len(b'",') :]
+
+
+def test_a_directory_in_which_no_service_has_run_has_no_list(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(BoxError, match="expected the data directory of a service that has run"):
+        run("blackbox", "list", "--data", tmp_path)
+    (tmp_path / "advisories.db").touch()
+    run("blackbox", "list", "--data", tmp_path)
+    assert capsys.readouterr().err == f"no near misses in {tmp_path}\n"

@@ -44,14 +44,14 @@ export class Costs {
       text("p", lead + warned(total) + ACCURACY),
       this.worstPlaces(places.slice(0, WORST), heads("Place", "Worst point"), cells),
       ...suggestions(suggested),
-      table("The five worst pairs", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
-      table("By hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, clock(row.hour).slice(0, 5)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
+      table("The five worst pairs today", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
+      table("Today by hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, minute(row.hour)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
     );
   }
 
   // Each place is a button that shows it on the map.
   worstPlaces(places, heads, cells) {
-    const made = table("The five worst places", heads, places.map((row) => cells(row, row.place || "Elsewhere", `${row.x.toFixed(0)}, ${row.y.toFixed(0)} m on ${this.floorName(row.floor)}`)));
+    const made = table("The five worst places today", heads, places.map((row) => cells(row, row.place || "Elsewhere", `${row.x.toFixed(0)}, ${row.y.toFixed(0)} m on ${this.floorName(row.floor)}`)));
     for (const [index, line] of [...made.querySelectorAll("tbody tr")].entries()) {
       const { floor, x, y } = places[index], button = Object.assign(document.createElement("button"), { type: "button", textContent: line.cells[0].textContent });
       button.onclick = () => { $("costs").close(); this.look(floor, x, y); };
@@ -70,7 +70,7 @@ async function ask(group, fromS, untilS) {
 // A heading, and a list: the worst places with why and what pays, and what concerns no place. Or why there is nothing.
 function suggestions({ places, suggestions: found, none_because: reason }) {
   const list = document.createElement("ol");
-  const lines = [...places.map(({ text: sentences, best, since_s: sinceS }) => [`${sentences} It stands since ${clock(sinceS).slice(0, 5)}.`, best?.check]), ...found.filter(({ kind }) => OF_NO_PLACE.includes(kind)).map((each) => [each.text, each.check])];
+  const lines = [...places.map(({ text: sentences, best, evidence: of, since_s: sinceS }) => [`${sentences} These figures are of ${minute(of.from_s)} to ${minute(of.until_s)}; it stands since ${minute(sinceS)}.`, best?.check]), ...found.filter(({ kind }) => OF_NO_PLACE.includes(kind)).map((each) => [each.text, each.check])];
   list.append(...lines.map(([sentences, check]) => {
     const item = text("li", sentences);
     if (check) item.append(document.createElement("br"), "Simulate it with a log: ", text("code", check));
@@ -100,5 +100,7 @@ function compared(lostS, before) {
   const then = sum(before);
   return then ? `In its whole hours they lost ${span(lostS)}; a week ago ${span(then)} in the same hours.` : "In the same hours a week ago they lost nothing.";
 }
+
+function minute(atS) { return clock(atS).slice(0, 5); }
 
 function sum(values) { return values.reduce((total, value) => total + value, 0); }

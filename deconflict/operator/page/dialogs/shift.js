@@ -107,7 +107,7 @@ function tally(items, keysOf) {
   const counts = new Map();
   for (const key of items.flatMap(keysOf)) counts.set(key, (counts.get(key) ?? 0) + 1);
   const rows = [...counts].sort((a, b) => b[1] - a[1]), left = rows.splice(MOST_ROWS);
-  return left.length ? [...rows, [`${left.length} others`, sum(left, ([, times]) => times)]] : rows;
+  return left.length ? [...rows, [plural(left.length, "other"), sum(left, ([, times]) => times)]] : rows;
 }
 
 export function table(title, heads, rows) {

@@ -8,7 +8,7 @@ import pytest
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
 from ingest.measures.measures import Measures
-from tests.deconflict.foresight.probability.made_stage import CLEARANCE_M, Stage, Walk
+from tests.deconflict.foresight.probability.made_stage import CLEARANCE_M, Stage, Velocity, Walk
 from tests.helpers.made_encounters import NOW_S
 
 
@@ -56,17 +56,42 @@ def test_a_robot_is_distrusted_while_it_contradicts_its_own_motion() -> None:
     for t_s in range(30, 36):
         stage.second(t_s)
     assert stage.foresight.is_distrusted("a")
-    assert stage.foresight.distrusted() == ["a"]
-    stage.foresight.measures.as_document()
-    values = stage.foresight.measures.values
-    assert values["deconflict_robots_distrusted"] == {("Alder",): 1.0}
-    assert values["deconflict_forecasts_distrusted_total"]["Alder",] >= 3
+    assert stage.foresight.measures.values["deconflict_forecasts_distrusted_total"]["Alder",] >= 3
     stage.walks["a"].says = None
     for t_s in range(36, 50):
         stage.second(t_s)
     assert not stage.foresight.is_distrusted("a")
-    stage.foresight.measures.as_document()
-    assert values["deconflict_robots_distrusted"] == {("Alder",): 0.0}
+
+
+def named(stage: Stage, since_s: int, until_s: int, says: Velocity | None) -> list[int]:
+    """The seconds at which a robot is named that says that it drives so."""
+    seconds = []
+    stage.walks["a"].says = says
+    for t_s in range(since_s, until_s):
+        stage.second(t_s)
+        stage.foresight.measures.as_document()
+        counted = stage.foresight.measures.values["deconflict_robots_distrusted"]["Alder",]
+        assert counted == len(stage.foresight.distrusted())
+        seconds += [t_s] * int(counted)
+    return seconds
+
+
+def test_a_robot_is_named_and_counted_after_10_s_on_end_and_until_30_s_after() -> None:
+    stage = Stage({"a": Walk((0.0, 0.0), (0.0, 1.0)), "b": Walk((90.0, 0.0), (0.0, 1.0))})
+    assert named(stage, 0, 100, None) == []
+    assert named(stage, 100, 115, (1.0, 0.0)) == [111, 112, 113, 114]
+    agrees = named(stage, 115, 170, None)
+    assert agrees == list(range(115, agrees[-1] + 1))
+    assert 144 <= agrees[-1] <= 155
+    assert not stage.foresight.is_distrusted("a")
+
+
+def test_a_robot_that_contradicts_its_motion_now_and_then_is_not_named() -> None:
+    stage = Stage({"a": Walk((0.0, 0.0), (0.0, 1.0))})
+    assert named(stage, 0, 100, None) == []
+    assert named(stage, 100, 106, (1.0, 0.0)) == []
+    assert stage.foresight.is_distrusted("a")
+    assert named(stage, 106, 130, None) == []
 
 
 @pytest.mark.parametrize("leaves", [True, False])

@@ -43,7 +43,8 @@ async def refused(face: Served, method: str, address: str, **request: Any) -> tu
         ("GET", "/past", None, 422, "at_s: Field required"),
         ("GET", "/advisories?page=2", None, 422, "page: is no parameter of /advisories"),
         ("GET", "/losses?group=colour", None, 422, "group: 'colour' is no key"),
-        ("POST", ANSWER, b"{", 422, "body: JSON decode error"),
+        ("POST", ANSWER, b"{", 422, "body: is no JSON at character 2: Expecting property name"),
+        ("POST", ANSWER, b'{"reason": "seen", "name" "Kim"}', 422, "body: is no JSON at character 27: Expecting ':'"),
         ("POST", ANSWER, b"", 422, "body: Field required"),
         ("POST", ANSWER, b"{}", 422, "reason: Field required"),
         ("POST", ANSWER, b'{"reason": "seen"}', 422, "name: is empty"),
@@ -51,8 +52,10 @@ async def refused(face: Served, method: str, address: str, **request: Any) -> tu
         ("POST", ANSWER, b'"' + b"x" * 70_000 + b'"', 413, "a body has 65536 bytes at most"),
         ("POST", "/robots/no-uuid/owner", b'{"vendor": "Acme"}', 422, "uuid: Input should be a valid UUID"),
         ("GET", "/advisories/advisory-9", None, 404, "no advisory 'advisory-9' is stored"),
-        ("GET", "/nothing", None, 404, "Not Found"),
-        ("POST", "/advisories", None, 405, "Method Not Allowed"),
+        ("GET", "/nothing", None, 404, "there is no /nothing; GET /openapi.json lists all addresses"),
+        ("GET", "/advisory/a%0A1", None, 404, "there is no /advisory/a"),
+        ("POST", "/advisories", None, 405, "/advisories can't be asked by POST; expected GET"),
+        ("DELETE", "/robots/1/owner", None, 405, "/robots/1/owner can't be asked by DELETE; expected POST"),
     ],
 )
 async def test_a_refusal_is_one_sentence(

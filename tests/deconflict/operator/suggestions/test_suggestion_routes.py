@@ -65,6 +65,7 @@ async def test_the_worst_places_are_those_of_the_shift_before_and_stand() -> Non
     async with client_of(ledger) as asked:
         [lane] = (await asked.get("/suggestions")).json()["places"]
         assert (lane["place"], lane["cause"], lane["since_s"]) == ("Lane", "narrow_lane", begin_s)
+        assert (lane["evidence"]["from_s"], lane["evidence"]["until_s"]) == (early[0].from_s, begin_s)
         ledger.add("engine", 2, [entry._replace(kind="blockage") for entry in early])
         assert (await asked.get("/suggestions")).json()["places"] == [lane]
         span = {"from_s": begin_s - 8 * 3600, "until_s": begin_s}

@@ -36,12 +36,13 @@ def test_a_service_does_not_start_where_a_port_is_in_use(section: str, tmp_path:
     assert code == MISUSED
     assert f"127.0.0.1:{port}" in sentence
     assert {"robots": "receiver.port", "operator": "operator.port"}[section] in sentence
+    assert f"(--{section}-port)" in sentence
 
 
 def test_two_ports_of_one_service_are_two_numbers(tmp_path: Path) -> None:
     code, sentence = started(tmp_path, "serve", "--robots-port", "8080", "--operator-port", "8080")
     assert code == MISUSED
-    assert "8080" in sentence
+    assert "can't listen on 127.0.0.1:8080: operator.port is the same port. Set another receiver.port (" in sentence
 
 
 def test_two_ports_at_two_addresses_may_have_one_number() -> None:
