@@ -29,6 +29,7 @@ from ingest.fleet.owners.owner_file import OwnerFile
 from ingest.fleet.recovery.kept_messages import KeptMessages
 from ingest.measures.measures import Measures
 from ingest.plain_files import UnfitFileError
+from ingest.recording.clock_notes import KnownTime
 from ingest.recording.log_reader import LogReader
 from ingest.recording.log_rotation import RotatingLog
 from ingest.settings import RecorderSettings
@@ -109,7 +110,8 @@ def use_log(data: Path) -> None:
     assert list(LogReader().read([data / "log"])) == []
     if not (data / SEGMENT).is_symlink():
         os.utime(data / SEGMENT, (1.0, 1.0))  # so old that a file would be removed
-    log = RotatingLog(RecorderSettings(segment_bytes=1), data / "log", map(float, count(10**9)).__next__)
+    times = map(float, count(10**9))
+    log = RotatingLog(RecorderSettings(segment_bytes=1), data / "log", times.__next__, lambda: KnownTime(1e9, 1e9))
     for _ in range(4):
         log.write(b"{}\n")
     log.packer.close(10.0)
