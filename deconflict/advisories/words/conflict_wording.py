@@ -133,7 +133,7 @@ def revision_fields(
         time_to_conflict_s=round(time_s, 3),
         probability=round(prediction.probability, 3),
         probability_interval=_interval(prediction),
-        contact_probability=round(prediction.contact_probability, 3),
+        contact_probability=round(min(prediction.contact_probability, prediction.probability), 3),
         clearance_m=clearance_m,
         min_separation_m=round(prediction.separation_m, 3),
         closing_speed_mps=round(met.closing_speed_mps, 3),

@@ -107,6 +107,14 @@ def test_an_unpredicted_conflict_is_updated_in_its_probability_until_it_is_clear
     assert (back.state, back.probability) == (AdvisoryState.UPDATED, 0.9)
 
 
+def test_contact_is_published_as_no_more_probable_than_the_conflict() -> None:
+    """Also where the conflict is held at a bound. The story is certain of contact."""
+    story = Story()
+    story.predicted(12, probability=0.7)
+    (raised,) = story.predicted(11, probability=0.7)
+    assert (raised.probability, raised.contact_probability) == (0.7, 0.7)
+
+
 def test_a_conflict_that_has_begun_is_updated_in_its_probability_and_severity() -> None:
     story = Story()
     story.raised(3)
