@@ -110,4 +110,5 @@ def test_a_hostile_file_is_answered_with_a_sentence(
             code = int(ended.code or 0)
     printed = capsys.readouterr()
     assert (printed.out + printed.err).strip()
+    assert "RecursionError" not in printed.out + printed.err
     assert code == MISUSED or (code == 0 and command[:2] == ["site", "suggest"])  # without messages: no places

@@ -10,6 +10,7 @@ import zstandard
 
 from ingest.languages import timestamps
 from ingest.recording.log_reader import LOGGED_LINES, LogReader, Received, Tick, by_time, segments_until
+from ingest.recording.log_segments import segments
 from tests.helpers.saying import status
 from tests.ingest.recording.made_logs import LINE, NOW_S, read, recorder
 
@@ -175,6 +176,15 @@ def test_a_pipe_is_not_read_to_find_its_order(tmp_path: Path) -> None:
     pipe, log = tmp_path / "pipe", heard(tmp_path / "log", NOW_S)
     os.mkfifo(pipe)
     assert by_time([pipe, log]) == [pipe, log]
+
+
+def test_what_is_no_file_in_a_folder_of_logs_is_left_out(tmp_path: Path) -> None:
+    log = heard(tmp_path / "log-2.jsonl", NOW_S)
+    os.mkfifo(tmp_path / "log-1.jsonl")
+    (tmp_path / "log-3.jsonl").symlink_to("/dev/zero")
+    (tmp_path / "log-4.jsonl").mkdir()
+    assert segments(tmp_path) == [log]
+    assert len(list(LogReader().read([tmp_path]))) == 1
 
 
 def test_messages_that_stand_behind_later_ones_are_counted(tmp_path: Path) -> None:

@@ -143,6 +143,8 @@ async def test_tls_handshakes_of_an_address_that_never_end_make_room_for_those_o
         async with httpx.AsyncClient(trust_env=False, verify=trusting(authority), timeout=60) as client:
             assert (await client.get(f"https://{face.address}/healthz")).status_code == 200
         assert refused(face, "face-full") == 3
+        await until(lambda: sum(reader.at_eof() or reader.exception() is not None for reader, _ in silent) == 3)
+        await until(lambda: len(face.app.state.newcomers) == 2)
         for _, writer in silent:
             writer.close()
 
