@@ -2,10 +2,11 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What runs, what tests need besides, and the kernels that they would compile each on its own.
+# What runs, what tests need besides, and the kernels and the tests that processes would compile each on its own.
 INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
 KERNELS := $(VENV)/.kernels
+COLLECTED := $(VENV)/.collected
 # Python compiles what it imports when it first does; to compile all of it takes as long as to install it.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
@@ -30,6 +31,11 @@ $(KERNELS): $(READY)
 	$(BIN)/deconflict prepare
 	touch $(KERNELS)
 
+# pytest compiles tests as it collects them. What can't be collected is reported when tests run.
+$(COLLECTED): $(KERNELS)
+	-@$(BIN)/python -m pytest -q --collect-only >/dev/null
+	@touch $(COLLECTED)
+
 demo: $(INSTALLED)
 	$(BIN)/deconflict demo
 
@@ -43,7 +49,7 @@ check: lint types $(KERNELS)
 
 # Many tests wait for a service that they have started, so more of them run at a time than there are cores, and the
 # longest begin first (tests/helpers/order.py).
-test: lint types $(KERNELS)
+test: lint types $(COLLECTED)
 	$(BIN)/python -m pytest -n 5 --dist worksteal
 
 lint: $(READY)

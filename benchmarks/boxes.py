@@ -95,12 +95,13 @@ def requests(kept: RecordedFloor, archive: Archive, store: Path, until_s: float)
             )
 
 
-def boxes_of(kept: RecordedFloor, directory: Path, until_s: float) -> list[Box]:
-    """The boxes, written to a directory."""
+def boxes_of(kept: RecordedFloor, directory: Path, until_s: float, last: int | None = None) -> list[Box]:
+    """The boxes, or the last ones of them, written to a directory."""
     directory.mkdir(parents=True)
     with closing(Store(directory.parent)) as store:
         store.append(kept.decided)
-    written = (write_blackbox(request) for request in requests(kept, Archive(directory), store.path, until_s))
+    asked = requests(kept, Archive(directory), store.path, until_s)
+    written = map(write_blackbox, [*asked][-last:] if last else asked)
     return list(filter(None, written))
 
 

@@ -15,10 +15,13 @@ WAITING = (
     "benchmarks/test_attack.py::test_beside_every_attack",
 )
 COMPUTING = (
+    "metrics/replay/test_busy_floor_boxes.py",
     "benchmarks/planned_floors/comparison/test_braking_for_an_hour.py::",
     "deconflict/simulation/driving/test_traffic.py",
     "deconflict/simulation/test_standoff_scene.py::",
     "benchmarks/test_decisions.py::",
+    "metrics/whatif/test_whatif_question.py",
+    "benchmarks/test_situation_counts.py",
     "metrics/replay/test_replay.py::test_straight_forecasts",
     "benchmarks/test_less_told.py::test_the_command",
     "metrics/replay/test_replay.py::test_a_perfect_vendor_of_real_motion",
