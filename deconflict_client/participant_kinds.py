@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Literal
 
+from deconflict_client.counted_nouns import count_of
+
 ParticipantKind = Literal["robot", "person", "driven"]
 """A robot, a person on foot, or a vehicle with a driver."""
 NOUNS: dict[ParticipantKind, tuple[str, str]] = {
@@ -18,4 +20,4 @@ def counted(kinds: Iterable[ParticipantKind]) -> str:
     """How many robots, people and driven vehicles there are: "45 robots, 15 people, 4 driven vehicles"."""
     counts = Counter(kinds)
     named = [kind for kind in NOUNS if kind == "robot" or counts[kind]]
-    return ", ".join(f"{counts[kind]:,} {NOUNS[kind][counts[kind] != 1]}" for kind in named)
+    return ", ".join(count_of(counts[kind], *NOUNS[kind]) for kind in named)

@@ -1,5 +1,6 @@
 """The state of each vendor, computed from the measures of the roles."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -8,6 +9,7 @@ from deconflict.foresight.forecast_errors.forecast_grades import in_words
 from deconflict_client.advisory.cleared_code import ClearedCode
 from deconflict_client.advisory.robot_advice import ASKED, ENDED, REFUSED, REFUSED_S, YIELDED
 from deconflict_client.answers.vendor_models import Flag, UncomparedRobot, VendorAdvice, VendorHealth, VendorOddValue
+from deconflict_client.participant_kinds import ParticipantKind
 from ingest.measures import clock_changes
 from ingest.measures.measures import Labels, joined_values
 
@@ -58,20 +60,26 @@ def _advice_of(vendor: str, values: Values) -> VendorAdvice:
     )
 
 
-def _to_mend(senders: Iterable[dict[str, Any]]) -> dict[str, dict[str, list[Any]]]:
-    """The fields `odd_values` and `not_compared` of each vendor. Several receivers may have robots of one."""
+def _to_mend(senders: Iterable[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """What each vendor sends otherwise, and who its devices are. Several receivers may have robots of one."""
     odd_values: dict[str, dict[tuple[str, str], VendorOddValue]] = {}
     not_compared: dict[str, list[UncomparedRobot]] = {}
+    participants: dict[str, Counter[ParticipantKind]] = {}
     for sender in senders:
         rows = odd_values.setdefault(sender["vendor"], {})
         for value in map(VendorOddValue.model_validate, sender["odd_values"]):
             if known := rows.get((value.rule, value.path)):
                 value.robots, value.count = value.robots + known.robots, value.count + known.count
             rows[value.rule, value.path] = value
+        participants.setdefault(sender["vendor"], Counter()).update(sender.get("participants", {}))
         robots = not_compared.setdefault(sender["vendor"], [])
         robots += map(UncomparedRobot.model_validate, sender["not_compared"])
     return {
-        vendor: {"odd_values": [*rows.values()], "not_compared": not_compared[vendor]}
+        vendor: {
+            "odd_values": [*rows.values()],
+            "not_compared": not_compared[vendor],
+            "participants": dict(participants[vendor]),
+        }
         for vendor, rows in odd_values.items()
     }
 

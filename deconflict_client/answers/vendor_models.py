@@ -5,6 +5,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
+from deconflict_client.participant_kinds import ParticipantKind
+
 
 class ForecastError(BaseModel):
     """Forecast errors at one horizon that 50, 80 and 90 % of cases do not exceed. Old cases count less."""
@@ -87,7 +89,10 @@ class VendorHealth(BaseModel):
     """One vendor. Counts are since the service started. A level is null until it is known."""
 
     name: str
-    robots: int = 0
+    robots: int = Field(0, description="its devices: robots, people on foot and driven vehicles")
+    participants: dict[ParticipantKind, int] = Field(
+        {}, description="how many of these stand for what; empty if all stand for robots"
+    )
     silent: int = 0
     languages: list[str] = Field([], description="standards of its messages")
     distrusted: int = Field(

@@ -148,7 +148,9 @@ def _not_read(fleet: Fleet, now_s: float) -> Iterator[tuple[str, str, str]]:
 
 
 def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
-    """What each vendor should mend, JSON-ready: values that deviate, and robots that are compared with nobody."""
+    """What each vendor should mend, JSON-ready: values that deviate, and robots that are compared with nobody. And how
+    many of each kind it has, if they are not all robots."""
+    kinds = _kinds(fleet)
     named = odd_values.by_vendor((robot.vendor, _odd_values(fleet, robot)) for robot in fleet.robots.values())
     robots: dict[str, list[dict[str, Any]]] = {}
     for robot, why in islice(_not_compared(fleet, now_s), MOST_SHOWN):
@@ -158,9 +160,23 @@ def senders(fleet: Fleet, now_s: float) -> list[dict[str, Any]]:
         shown = {"uuid": uuid, "name": f"{vendor} {uuid[:8]}", "placed": False}
         robots.setdefault(vendor, []).append(shown | {"reason": reason, "fault": comparability.NOT_READ})
     return [
-        {"vendor": vendor, "odd_values": named.get(vendor, []), "not_compared": robots.get(vendor, [])}
-        for vendor in sorted({*named, *robots})
+        {
+            "vendor": vendor,
+            "odd_values": named.get(vendor, []),
+            "not_compared": robots.get(vendor, []),
+            "participants": dict(kinds.get(vendor, {})),
+        }
+        for vendor in sorted({*named, *robots, *kinds})
     ]
+
+
+def _kinds(fleet: Fleet) -> dict[str, Counter[str]]:
+    """Of the vendors whose devices do not all stand for robots, how many stand for what."""
+    kinds: dict[str, Counter[str]] = {}
+    for robot in fleet.robots.values():
+        kind = participant_of(fleet.vendors.settings(robot.vendor), robot.model, robot.uuid)
+        kinds.setdefault(robot.vendor, Counter())[kind] += 1
+    return {vendor: counts for vendor, counts in kinds.items() if counts.keys() != {"robot"}}
 
 
 def _odd_values(fleet: Fleet, robot: Robot) -> list[OddValue]:

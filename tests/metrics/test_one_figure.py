@@ -18,13 +18,14 @@ from deconflict_client.situations import AnyRevision
 from ingest.languages.timestamps import write
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader
-from ingest.settings import Datum
+from ingest.settings import Datum, Vendor
 from metrics.export.day_files import write_days
 from metrics.monitoring.exposition import render
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores
 from metrics.replay.recorded_passes import PassReader
 from metrics.report.html_report import page
+from metrics.report.replay_summary import summary
 from metrics.scoring.warnings import warning_judge
 from metrics.scoring.warnings.warning_judge import AHEAD_BOUNDS_S, WarningJudge
 from metrics.scoring.warnings.warning_quality import WarningQuality
@@ -33,8 +34,10 @@ from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL, identity, points, status
 
 NOW_S, CROSSES_S, ENDS_S, QUIET_UNTIL_S = 1_790_000_000.0, 12, 26, 110
-SITE = Site(datums=(Datum(id=HALL, name="Hall"),))
+SITE = Site(datums=(Datum(id=HALL, name="Hall"),), vendors=(Vendor(name="Cedar", participant="person"),))
 SCENES = ("expected", "expected", "unexpected", "turns off", "waits")
+PEOPLE = "C-0", "C-1", "C-2"
+"""They walk far from all robots."""
 Figure = float | None
 
 
@@ -54,7 +57,11 @@ def messages() -> Iterator[tuple[float, bytes]]:
     names = [f"{vendor}-{number}" for number in range(len(SCENES)) for vendor in "AB"]
     for name in names:
         yield NOW_S, identity(name, NOW_S, manufacturerName={"A": "Alder", "B": "Basalt"}[name[0]])
+    for name in PEOPLE:
+        yield NOW_S, identity(name, NOW_S, manufacturerName="Cedar")
     for second in range(QUIET_UNTIL_S):
+        for number, name in enumerate(PEOPLE):
+            yield NOW_S + second, status(name, NOW_S + second, 900.0, 50.0 * number + min(second, ENDS_S), pi / 2)
         for number, scene in enumerate(SCENES):
             for is_second, vendor in enumerate("AB"):
                 yield NOW_S + second, reported(f"{vendor}-{number}", scene, bool(is_second), second, 60.0 * number)
@@ -85,6 +92,8 @@ class Surfaces(NamedTuple):
     page: dict[str, Any]
     """By path, what the page reads."""
     exported_lost_s: float
+    triggered: int
+    """Pairs of which a black box would be kept."""
 
 
 SHIFT, ENDED, LOST = (
@@ -111,12 +120,14 @@ def run(folder: Path) -> Surfaces:
     judge, ledger = WarningJudge(conflict.clearance_m, conflict.clear_margin_m, measures), LossLedger(None, SITE.losses)
     revisions: list[AnyRevision] = []
     losses: list[LedgerEntry] = []
+    triggered = 0
     for number, each in enumerate(passes.passes_of(LogReader().read([log]))):
         output = engine.advance(each)
         judge.add(each.now_s, each.batch, output.bands_m, output.advisories, output.waiting)
         scores.add(each, [output])
         revisions += [*output.advisories, *output.situations]
         losses += output.losses
+        triggered += len(engine.engine.near_misses)
         counts.count(measures, output.situations)
         ledger.add("engine", number + 1, list(output.losses))
     result = scores.result(passes, engine.measures())
@@ -126,10 +137,10 @@ def run(folder: Path) -> Surfaces:
         for family in text_string_to_metric_families(text.decode())
         for sample in family.samples
     }
-    exported = sum(float(sub(".*rows, ", "", line).split()[0]) for line in write_days(ledger, folder, {}))
+    exported = sum(float(sub(".*rows?, ", "", line).split()[0]) for line in write_days(ledger, folder, {}))
     ledger.close()
     read = asyncio.run(read_by_page(folder, revisions, losses))
-    return Surfaces(result, page(result, "Log", SITE), grafana, read, exported)
+    return Surfaces(result, page(result, "Log", SITE), grafana, read, exported, triggered)
 
 
 @pytest.fixture(scope="module")
@@ -184,6 +195,18 @@ def figures(surfaces: Surfaces) -> dict[str, dict[str, Figure]]:
             ),
         },
         "robots": {"JSON": result["robots"], "Grafana": of_metric(grafana, "deconflict_robots")},
+        "people": {
+            "JSON": result["participants"]["person"],
+            "HTML": float(*findall(r"robots, (\d+) people of", surfaces.html)),
+            "terminal": float(*findall(r"robots, (\d+) people of", summary(result, ()))),
+            "Grafana": of_metric(grafana, "deconflict_robots", "Cedar"),
+        },
+        "near misses": {
+            "JSON": sum(each["separation_m"] <= SITE.conflict.clearance_m for each in result["nearest"]),
+            "HTML": surfaces.html.count("Two envelopes where they were nearest"),
+            "black boxes": surfaces.triggered,
+            "Grafana": grafana["deconflict_near_misses_total"],
+        },
         "lost, s": {
             "JSON": round(result["losses"]["total"]["lost_s"]),
             "page": round(surfaces.page[LOST]["total"]["lost_s"]),
@@ -208,7 +231,10 @@ def test_no_two_surfaces_have_another_figure(surfaces: Surfaces) -> None:
 
 def test_the_log_has_something_of_each(surfaces: Surfaces) -> None:
     found = figures(surfaces)
-    assert all(found[name]["JSON"] for name in ("warned of", "came true", "in vain", "situations", "lost, s"))
+    assert all(
+        found[name]["JSON"] for name in ("warned of", "came true", "in vain", "situations", "lost, s", "near misses")
+    )
+    assert found["people"]["JSON"] == len(PEOPLE)
     assert found["events"]["JSON"] != found["warned of"]["JSON"], "one event without a warning"
 
 

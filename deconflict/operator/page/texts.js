@@ -160,10 +160,10 @@ export const NOUNS = new Map([["robot", ["robot", "robots"]], ["person", ["perso
 // How many robots, people and driven vehicles there are: "45 robots, 15 people, 4 driven vehicles".
 export function counted(robots) {
   const groups = Map.groupBy(robots, ({ participant }) => participant), kinds = [...NOUNS].filter(([kind]) => kind === "robot" || groups.has(kind));
-  return kinds.map(([kind, [one, many]]) => { const count = groups.get(kind)?.length ?? 0; return `${count} ${count === 1 ? one : many}`; }).join(", ");
+  return kinds.map(([kind, [one, many]]) => plural(groups.get(kind)?.length ?? 0, one, many)).join(", ");
 }
 
-export function plural(count, noun) { return `${count} ${noun}${count === 1 ? "" : "s"}`; }
+export function plural(count, noun, several = `${noun}s`) { return `${count} ${count === 1 ? noun : several}`; }
 
 // The probability that a silent robot is still there; empty if it is certain.
 export function likely(robot) {

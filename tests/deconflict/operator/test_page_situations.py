@@ -174,6 +174,27 @@ async def test_what_has_begun_says_for_how_long_it_has_been_going_on(browser: "B
         assert sorted(re.sub(r"\d+", "N", time_text) for time_text in times)[0] == "for N s"
 
 
+async def test_the_vendors_table_tells_people_and_robots_of_one_vendor_apart(browser: "Browser", face: Served) -> None:
+    script = """async (vendors) => {
+        const { Vendors } = await import("/page/list/vendors.js");
+        const words = document.querySelector("#vendors").tBodies[0], figures = document.querySelector("#figures tbody");
+        new Vendors().tables(words, figures, { at_s: 1, vendors }, () => []);
+        return [...words.rows].map((row) => row.cells[1].textContent);
+    }"""
+    own = VendorHealth(name="", grade_words="").model_dump(mode="json")
+    vendors = {
+        "Alder": own | {"robots": 10, "participants": {"robot": 9, "person": 1}},
+        "Basalt": own | {"robots": 10, "silent": 3, "participants": {"person": 8, "driven": 2}},
+        "Corvid": own | {"robots": 5},
+    }
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script, vendors) == [
+            "9 robots, 1 person, all heard",
+            "8 people, 2 driven vehicles, 7 heard, 3 silent",
+            "5, all heard",
+        ]
+
+
 async def test_the_vendors_table_names_robots_that_drive_otherwise_than_announced(
     browser: "Browser", face: Served
 ) -> None:

@@ -140,7 +140,7 @@ def test_of_many_problems_of_a_file_the_first_are_written_out(tmp_path: Path) ->
     with pytest.raises(SiteError) as refused:
         load(path)
     assert len(refused.value.problems) == MOST_PROBLEMS + 1
-    assert refused.value.problems[-1] == "and 5900 more problems"
+    assert refused.value.problems[-1] == "and 5,900 more problems"
 
 
 def test_a_fault_in_checking_a_file_ends_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -165,7 +165,7 @@ def test_the_report_begins_with_a_sentence_for_a_meeting_that_the_terminal_shows
     sentence = first_sentences(result)
     assert sentence == (
         "In 0.4 minutes, 2 robots of 1 vendor got in each other's way once. The service warned of 1 of these (100 %),"
-        " of 1 at least 2 s ahead. Of its 1 warnings, 1 came true, 0 were in vain and 0 are not judged."
+        " of 1 at least 2 s ahead. Of its 1 warning, 1 came true, 0 were in vain and 0 are not judged."
     )
     assert page(result, "Replay").index(escape(sentence)) < page(result, "Replay").index("<h2>")
     assert summary(result, [Path("out.json")]).splitlines()[:: len(list(findings(result))) + 1] == [

@@ -123,8 +123,9 @@ function inWords(vendor, rate) {
   if (vendor.not_compared?.length) passed.push(`${plural(vendor.not_compared.length, "robot")} compared with nobody, listed below`);
   if (vendor.odd_values?.length) passed.push("values that deviate, listed below");
   if (clock(vendor) !== "right") passed.push(`clock ${clock(vendor)}`);
-  const heard = vendor.silent ? `${vendor.robots - vendor.silent} heard, ${vendor.silent} silent` : `${vendor.robots}, all heard`;
-  return [[heard, vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0, passed.length ? `For the integrator: ${passed.join("; ")}` : ""]];
+  const of = vendor.participants ?? {}, kinds = [...NOUNS].filter(([kind]) => of[kind]).map(([kind, [one, many]]) => plural(of[kind], one, many));
+  const heard = vendor.silent ? [...kinds, `${vendor.robots - vendor.silent} heard`, `${vendor.silent} silent`] : [...(kinds.length ? kinds : [vendor.robots]), "all heard"];
+  return [[heard.join(", "), vendor.silent > 0], [TRUST[vendor.grade] ?? "not yet known", vendor.grade >= "D"], [notes.join("; ") || "nothing", notes.length > 0, passed.length ? `For the integrator: ${passed.join("; ")}` : ""]];
 }
 
 function toMend(name, { odd_values: values = [], not_compared: robots = [] }) {

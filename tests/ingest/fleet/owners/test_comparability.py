@@ -224,3 +224,13 @@ def test_what_only_history_and_the_site_show_is_named_too() -> None:
     )
     of.receive(identity("A-1", NOW_S + 4), NOW_S + 4, LINE)
     assert "identity-missing" not in {row["rule"] for row in document(of, "A-1", NOW_S + 4)["odd_values"]}
+
+
+def test_a_vendor_with_people_and_robots_says_how_many_of_each() -> None:
+    walkers = Vendor(name="Alder", participants={"person": (robot("A-2"),)})
+    of = fleet(walkers)
+    for row, name in enumerate(("A-1", "A-2", "A-3")):
+        of.receive(identity(name, NOW_S, manufacturerName="Alder"), NOW_S, LINE)
+        of.receive(status(name, NOW_S, 5.0 * row), NOW_S, LINE)
+    (vendor,) = fleet_report.senders(of, NOW_S)
+    assert vendor["participants"] == {"robot": 2, "person": 1}

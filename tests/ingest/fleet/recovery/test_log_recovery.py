@@ -72,5 +72,5 @@ def test_the_summary_says_how_many_robots_lack_an_identity_and_how_many_of_them_
     kept = [Received(raw, NOW_S, FROM_ALDER) for raw in reports] + [Received(status("A-3", NOW_S), NOW_S, LINE)]
     assert summary(again, recover(again, [], NOW_S + 1, kept=kept)) == (
         "the floor is restored: 3 robots, 2 of them with a position; 2 have sent no identity report, and of these 1 "
-        "have an owner; 3 messages were read"
+        "has an owner; 3 messages were read"
     )
