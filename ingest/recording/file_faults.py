@@ -5,8 +5,9 @@ import sqlite3
 from contextlib import closing
 from enum import Enum
 from pathlib import Path
+from stat import S_IFMT
 
-from ingest.plain_files import unfit, unfit_database
+from ingest.plain_files import OTHER_KINDS, unfit, unfit_database
 from ingest.recording.replaced_file import new_name
 
 LEAST_FREE_BYTES = 1 << 16
@@ -50,7 +51,8 @@ def _place_fault(path: Path, kind: FileKind) -> str | None:
         if not os.access(path.parent, os.W_OK | os.X_OK):
             return f"{path} can't be made; {_why_not(path.parent)}"
     elif kind is FileKind.FOLDER and not path.is_dir():
-        return f"{path} is a file where a directory is expected; move it away"
+        found = OTHER_KINDS.get(S_IFMT(path.stat().st_mode), "a file")
+        return f"{path} is {found} where a directory is expected; move it away"
     elif not os.access(path, os.W_OK):
         return f"{path} can't be written; {_why_not(path)}"
     status = os.statvfs(path if path.exists() else path.parent)

@@ -282,7 +282,7 @@ def _by_rule(sums: Mapping[Series, Rises]) -> dict[Said, dict[str, Rises]]:
 
 def _sentence(rule: Said, rises: Mapping[str, Rises], now_s: float) -> str:
     most = sorted(filter(None, rises), key=lambda label: -rises[label].by)[:MOST_NAMED]
-    named = f" ({', '.join(f'{rises[label].by:.0f} of {label}' for label in most)})" if most else ""
+    named = f" ({', '.join(f'{label}: {rises[label].by:.0f}' for label in most)})" if most else ""
     ago_s = max(now_s - max(each.last_s for each in rises.values()), 0.0)
     count = sum(each.by for each in rises.values())
     return (
