@@ -8,7 +8,7 @@ from pathlib import Path
 from stat import S_IFMT
 
 from ingest.plain_files import OTHER_KINDS, unfit, unfit_database
-from ingest.recording.replaced_file import new_name
+from ingest.recording.replaced_file import names_held, new_name
 
 LEAST_FREE_BYTES = 1 << 16
 """A disk with less is full."""
@@ -68,10 +68,12 @@ def _why_not(path: Path) -> str:
 def _lock_fault(path: Path) -> str | None:
     uri = f"{path.absolute().as_uri()}?mode=rw"
     try:
-        with closing(sqlite3.connect(uri, uri=True, timeout=LOCKED_S, isolation_level=None)) as db:
-            db.execute("BEGIN IMMEDIATE")
-            db.execute("ROLLBACK")
-    except sqlite3.Error as error:
+        with names_held(path.parent):
+            db = sqlite3.connect(uri, uri=True, timeout=LOCKED_S, isolation_level=None)
+            with closing(db):
+                db.execute("BEGIN IMMEDIATE")
+                db.execute("ROLLBACK")
+    except (sqlite3.Error, OSError) as error:
         name = getattr(error, "sqlite_errorname", "")
         if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             return f"{path} is locked by another program; stop that program"

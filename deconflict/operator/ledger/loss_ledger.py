@@ -31,6 +31,7 @@ from deconflict.operator.store.pruning import used_bytes
 from deconflict.settings.site import LossSettings
 from deconflict_client.answers.loss_models import LossList
 from ingest.plain_files import check_database
+from ingest.recording.replaced_file import set_database_aside
 
 log = logging.getLogger(__name__)
 
@@ -129,9 +130,7 @@ class LossLedger:
             if self._path is None or isinstance(error, sqlite3.OperationalError):
                 raise
             aside = self._path.with_name(f"losses-{datetime.now(UTC):%Y%m%dT%H%M%S}.db")
-            for suffix in ("-wal", "-shm", ""):  # what a new file would take for its own
-                if (part := self._path.with_name(self._path.name + suffix)).exists():
-                    part.replace(aside.with_name(aside.name + suffix))
+            set_database_aside(self._path, aside)
             log.error("%s: %s: it is kept as %s, and a new one is begun", self._path, error, aside.name)
             self._db = self._opened()
         self._reader = self._connected() if directory else self._db

@@ -19,6 +19,7 @@ from deconflict.operator.store.recovery.salvage import Salvage, salvage
 from deconflict.operator.store.tables import StoreError, begin_after, last_seq
 from deconflict_client.counted_nouns import count_of
 from ingest.plain_files import UnfitDatabaseError, check_database
+from ingest.recording.replaced_file import set_database_aside
 
 log = logging.getLogger(__name__)
 
@@ -147,9 +148,7 @@ class SqliteConnections:
         while (aside := self.path.with_name(f"{self.path.stem}-{at:%Y%m%dT%H%M%S}{self.path.suffix}")).exists():
             at += timedelta(seconds=1)
         with self._explained_errors():
-            for suffix in ("-wal", "-shm", ""):
-                if (part := self.path.with_name(self.path.name + suffix)).exists():
-                    part.replace(aside.with_name(aside.name + suffix))
+            set_database_aside(self.path, aside)
         return aside
 
     def _use(self, file: FileConnections) -> None:

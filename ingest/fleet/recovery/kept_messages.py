@@ -38,7 +38,7 @@ from ingest.measures.measures import Measures
 from ingest.plain_files import check_database, with_advice
 from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
-from ingest.recording.replaced_file import ASIDE, set_file_aside
+from ingest.recording.replaced_file import ASIDE, set_database_aside
 
 WRITE_EVERY_S, RETRY_S = 1.0, 10.0
 HEARD_EVERY_S = 3600.0
@@ -233,8 +233,7 @@ class KeptMessages:
     def _set_aside(self, operation: str, error: sqlite3.Error) -> None:
         """Begin the file anew with the next write."""
         with suppress(OSError):
-            set_file_aside(self._path)
-            self._path.with_name(f"{FILE_NAME}-journal").unlink(missing_ok=True)
+            set_database_aside(self._path, self._path.with_name(f"{FILE_NAME}{ASIDE}"))
         self._fail(operation, f"{error}; the file is set aside as {FILE_NAME}{ASIDE} and begun anew")
 
     def _fail(self, operation: str, message: str) -> None:
