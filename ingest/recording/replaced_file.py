@@ -66,8 +66,8 @@ def set_database_aside(path: Path, aside: Path) -> None:
 def names_held(directory: Path) -> Iterator[bool]:
     """Whether no other process or thread that holds its names renames a database there, or looks at one.
 
-    Who opens a database while some of its files are renamed would begin new ones beside it, and SQLite removes such files
-    by name. After `HELD_S` it goes on without. Raises `OSError` if there is no such directory.
+    Who opens a database while some of its files are renamed would begin new ones beside it, and SQLite removes such
+    files by name. After `HELD_S` it goes on without. Raises `OSError` if there is no such directory.
     """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
