@@ -19,6 +19,8 @@ from ingest.fleet.owners import owner_file
 from ingest.fleet.recovery import kept_rows
 from ingest.recording import clock_notes
 from ingest.recording.file_faults import FileKind, file_fault
+from ingest.recording.log_segments import PACKED
+from ingest.recording.replaced_file import new_name
 
 LOOK_EVERY_S = 2.0
 SILENT_S = 8.0
@@ -113,14 +115,16 @@ class FileHealth:
 
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
-    """The inode of a database, the names in a folder, and nothing of a file that is replaced at each write. None if
-    there is none, for what is there only at times, and for what is no database."""
+    """The inode of a database, the names in a folder of what the service does not remove or rename within seconds, and
+    nothing of a file that is replaced at each write. None if there is none, for what is there only at times, and for
+    what is no database."""
     if kind is FileKind.RARE_FILE or (kind is FileKind.DATABASE and not path.is_file()):
         return None
     try:
         inode = path.stat().st_ino
         if kind is FileKind.FOLDER:
-            return frozenset(entry.name for entry in path.iterdir())
+            lasting = (entry.name for entry in path.iterdir() if entry.name != PENDING and entry != new_name(entry))
+            return frozenset(name.removesuffix(PACKED) for name in lasting)
     except OSError:
         return None
     return frozenset([str(inode)] if kind is FileKind.DATABASE else [])

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.faulty_files.faults import remove
 from deconflict.operator.blackbox.archive import FOLDER
+from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.roles.health.file_health import REMOVED_SHOWN_S, SILENT_S, FileHealth, data_files
 from deconflict.settings.site import BlackBox, Site
 
@@ -72,7 +73,30 @@ def test_a_file_that_is_replaced_at_each_write_is_not_removed(data: Path) -> Non
     health.look(0.0)
     (data / "new").touch()
     (data / "new").rename(data / "owners.json")
-    health.look(1.0)
+    health.look(health._looked_s)
+    assert health.document(health._looked_s) == {"status": "ok"}
+
+
+@pytest.mark.parametrize(
+    ("folder", "before", "after"),
+    [
+        (FOLDER, PENDING, ["register.jsonl", "blackbox-20260101T000000000Z.jsonl.zst"]),
+        (FOLDER, "blackbox-20260101T000000000Z.jsonl.new", ["blackbox-20260101T000000000Z.jsonl.zst"]),
+        ("log", "log-1.jsonl", ["log-1.jsonl.zst", "log-2.jsonl"]),
+    ],
+)
+def test_what_the_service_itself_removes_or_renames_is_no_loss_of_a_folder(
+    data: Path, folder: str, before: str, after: list[str]
+) -> None:
+    health = FileHealth(data_files(Site(), data))
+    for path in (data / folder).iterdir():
+        path.unlink()
+    (data / folder / before).touch()
+    health.look(0.0)
+    (data / folder / before).unlink()
+    for name in after:
+        (data / folder / name).touch()
+    health.look(health._looked_s)
     assert health.document(health._looked_s) == {"status": "ok"}
 
 
