@@ -19,5 +19,15 @@ NOUNS: dict[ParticipantKind, tuple[str, str]] = {
 def counted(kinds: Iterable[ParticipantKind]) -> str:
     """How many robots, people and driven vehicles there are: "45 robots, 15 people, 4 driven vehicles"."""
     counts = Counter(kinds)
-    named = [kind for kind in NOUNS if kind == "robot" or counts[kind]]
-    return ", ".join(count_of(counts[kind], *NOUNS[kind]) for kind in named)
+    return ", ".join(_counts(counts, ["robot", *(kind for kind in counts if kind != "robot")]))
+
+
+def counted_in_words(kinds: Iterable[ParticipantKind]) -> str:
+    """The same as part of a sentence, without kinds of which there is none: "1 robot and 2 people"."""
+    *others, last = _counts(counts := Counter(kinds), counts)
+    return " and ".join(filter(None, [", ".join(others), last]))
+
+
+def _counts(counts: Counter[ParticipantKind], named: Iterable[ParticipantKind]) -> list[str]:
+    """In the order of `NOUNS`."""
+    return [count_of(counts[kind], *NOUNS[kind]) for kind in sorted(named, key=[*NOUNS].index)]

@@ -14,8 +14,7 @@ NOUNS = (
 )
 AFTER_A_COUNT = re.compile(r"\{[^{}]+\} (?:more )?(?:" + NOUNS + r")\b")
 SEVERAL = {
-    "{count} robots": "a knot has three at least, a crowd more",
-    "{len(robots)} robots get": "a knot",
+    "{count} robots": "a crowd has more",
     "{inside} robots are": "more than a place takes",
     "{len(names) - 3} others": "of five at least",
     "{spots} places": "at one it is not said",

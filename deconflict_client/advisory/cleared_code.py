@@ -16,8 +16,8 @@ class ClearedCode(StrEnum):
         return member
 
     PASSED = "passed", "they have passed each other"
-    BOTH_STAND = "both_stand", "both stand still"
-    GAVE_WAY = "gave_way", "one gave way to the other"
+    BOTH_STAND = "both_stand", "they stand still"
+    GAVE_WAY = "gave_way", "one gave way"
     UNPREDICTED = "unpredicted", "no longer predicted"
     CROWDED = "crowded", "both report from a place with many others of their vendors"
     BOTH_SILENT = "both_silent", "both are silent, and nothing says that they move"

@@ -13,6 +13,7 @@ from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation_kinds import matter_of
 from deconflict.advisories.situations.situation_outline import count_spots, outline
 from deconflict.advisories.words.situation_words import (
+    Involved,
     Matter,
     again_text,
     ending,
@@ -46,7 +47,7 @@ OVER = f"by itself: {ClearedCode.NOTHING_LEFT.because}"
 MAY_LAST: frozenset[SituationKind] = frozenset(("deadlock", "crowd", "silent_robot"))
 """What does not end by itself, or nobody knows when."""
 
-OF_FEW: frozenset[SituationKind] = frozenset(("meeting", "head_on", "deadlock"))
+OF_FEW: frozenset[SituationKind] = frozenset(("meeting", "head_on", "deadlock", "obstacle", "silent_robot"))
 """What is told of the robots of its subject only, once it is over, unless others have taken their place."""
 
 
@@ -64,11 +65,13 @@ def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> S
 
 
 def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
-    names, more_robots = dict(zip(before.robots, before.names, strict=True)), before.more_robots
-    of_subject = {robot: names[robot] for robot in before.subject_robots if robot in names}
+    kinds = dict(zip(before.robots, before.participants, strict=False))
+    named = zip(before.robots, before.names, strict=True)
+    parties, more = {robot: Involved(name, kinds.get(robot, "robot")) for robot, name in named}, before.more_robots
+    of_subject = {robot: parties[robot] for robot in before.subject_robots if robot in parties}
     if before.situation_kind in OF_FEW and len(of_subject) > 1:
-        names, more_robots = of_subject, 0
-    return past_words(before.situation_kind, names, more_robots, before.culprit, spot.text)._asdict()
+        parties, more = of_subject, 0
+    return past_words(before.situation_kind, parties, more, before.culprit, spot.text)._asdict()
 
 
 class Assessment(NamedTuple):
@@ -218,10 +221,11 @@ def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
     again = again_text(recurrence.times, WITHIN_S, recurrence.longest_s if is_short else None) if recurrence else ""
     wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
     named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
-    names = names_of(assessment.advisories)
+    names, kinds = names_of(assessment.advisories), participants_of(assessment.advisories)
+    parties = [Involved(name, kinds.get(robot, "robot")) for robot, name in names.items()]
     return {
         "places": tuple(dict.fromkeys([*named, *spot.places])),
-        **present_words(matter, list(names.values()), now_s, spot.text, _spots(matter), again)._asdict(),
+        **present_words(matter, parties, now_s, spot.text, _spots(matter), again)._asdict(),
         "ends": ending(matter, names),
     }
 

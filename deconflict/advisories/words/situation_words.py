@@ -15,6 +15,7 @@ from deconflict_client.advisory import (
     SituationKind,
 )
 from deconflict_client.counted_nouns import count_of
+from deconflict_client.participant_kinds import ParticipantKind, counted_in_words
 
 MOST_NAMED = 4
 """Robots that a sentence names."""
@@ -49,6 +50,13 @@ class Matter(NamedTuple):
     """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
 
 
+class Involved(NamedTuple):
+    """Who is in a situation."""
+
+    name: str
+    kind: ParticipantKind = "robot"
+
+
 def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
     """The names of all robots of some advisories, by UUID in ascending order."""
     names = {
@@ -58,9 +66,9 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
 
 
 def present_words(
-    matter: Matter, robots: Sequence[str], now_s: float, place: str, spots: int, again: str
+    matter: Matter, parties: Sequence[Involved], now_s: float, place: str, spots: int, again: str
 ) -> RevisionWords:
-    """What is going on, for a person, at so many `spots`. `robots` are the names of all in the situation.
+    """What is going on, for a person, at so many `spots`. `parties` are all in the situation.
 
     `place` is a phrase such as "in Aisle 3 on Ground hall".
     """
@@ -68,7 +76,7 @@ def present_words(
 
     def sentence(when: str) -> str:
         if matter.kind == "knot":
-            return f"{_knot(robots, when, spots)}, {'the worst ' * (spots > 1)}{place}{again}"
+            return f"{_knot(parties, when, spots)}, {'the worst ' * (spots > 1)}{place}{again}"
         return _sentence(matter, when, now_s, place) + again
 
     return words(sentence, f" {_when(left_s)}")
@@ -89,34 +97,50 @@ def ending(matter: Matter, names: Mapping[str, str]) -> str:
 
 
 PAST: dict[SituationKind, str] = {
-    "meeting": "{names} were about to get in each other's way",
-    "head_on": "{names} were about to meet head-on",
-    "knot": "{count} robots got in each other's way",
+    "meeting": "{names} got in each other's way, or were about to",
+    "head_on": "{names} met head-on, or were about to",
+    "knot": "{all} got in each other's way",
     "queue": "robots needed the same place",
-    "crowd": "{count} robots reported from one point",
+    "crowd": "{all} reported from one point",
     "blocked_aisle": "{culprit} stood in the way of others",
     "obstacle": "{culprit} stood in the way of {names}",
     "silent_robot": "{culprit} was silent in the way of {names}",
     "deadlock": "{names} waited for each other, or were about to",
-    "identity": "{robots_were} reported by another vendor, or from two places",
+    "identity": "{all} {were} reported by another vendor, or from two places",
 }
 
 
 def past_words(
-    kind: SituationKind, names: Mapping[str, str], more_robots: int, culprit: str | None, place: str
+    kind: SituationKind, parties: Mapping[str, Involved], more: int, culprit: str | None, place: str
 ) -> RevisionWords:
-    """What was going on in a situation that is over, for a person. `names` are by UUID."""
-    others = _named([name for robot, name in names.items() if robot != culprit], more_robots)
-    count, by = len(names) + more_robots, names.get(culprit or "", "a robot")
-    robots_were = count_of(count, "robot was", "robots were")
-    past = PAST[kind].format(names=others, culprit=by, count=count, robots_were=robots_were)
+    """What was going on in a situation that is over, for a person. `parties` are by UUID, `more` are not among them.
+
+    In whose way a robot stood is said only of one: of more, some may have met others.
+    """
+    others = [party.name for robot, party in parties.items() if robot != culprit]
+    is_known = culprit is None or len(others) + more == 1
+    by = parties[culprit].name if culprit and culprit in parties else "a robot"
+    were = "were" if len(parties) + more > 1 else "was"
+    past = PAST[kind].format(
+        names=_named(others, more) if is_known else "others",
+        culprit=by,
+        all=_counted(parties.values(), more),
+        were=were,
+    )
     return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
-def _knot(robots: Sequence[str], when: str, spots: int) -> str:
+def _knot(parties: Sequence[Involved], when: str, spots: int) -> str:
     """`when` is empty in a headline, which does not list the robots."""
     at = f" at {spots} places" if spots > 1 else ""
-    return f"{len(robots)} robots get in each other's way{at}{when}{f': {_named(robots)}' if when else ''}"
+    listed = f": {_named([party.name for party in parties])}" if when else ""
+    return f"{_counted(parties)} get in each other's way{at}{when}{listed}"
+
+
+def _counted(parties: Iterable[Involved], more: int = 0) -> str:
+    """How many robots and people they are, and how many more of which that is not known."""
+    counted = counted_in_words(party.kind for party in parties)
+    return f"{counted}, and {more} more" if more else counted
 
 
 def _sentence(matter: Matter, when: str, now_s: float, place: str) -> str:

@@ -379,7 +379,7 @@ def test_two_that_met_and_both_stand_are_cleared_and_not_raised_again_when_they_
         [],
         [],
         [],
-        ["both stand still"],
+        ["they stand still"],
         [],
         [],
     ]
@@ -392,9 +392,7 @@ def test_two_of_which_one_gives_way_are_cleared_and_say_so() -> None:
     revisions = [
         advisory for _ in range(5) for advisory in story.predicted(0, separation_m=0.6, start_m=0.6, still=True)
     ]
-    assert [revision.cleared_because for revision in revisions if revision.cleared_because] == [
-        "one gave way to the other"
-    ]
+    assert [revision.cleared_because for revision in revisions if revision.cleared_because] == ["one gave way"]
 
 
 def test_two_that_stand_raise_nothing_however_likely() -> None:

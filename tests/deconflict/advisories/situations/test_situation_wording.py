@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, UPDATE_GAP_S
-from deconflict_client.advisory import AnyAdvisory, ClearedCode, moment
+from deconflict_client.advisory import AnyAdvisory, ClearedCode, EncounterClass, moment
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
     action,
@@ -71,7 +71,7 @@ def test_a_queue_for_one_of_several_places_is_likely_and_names_them() -> None:
 @pytest.mark.parametrize(
     ("advisory", "past"),
     [
-        (conflict("ab"), "Robot a and Robot b were about to get in each other's way, in Aisle 3"),
+        (conflict("ab"), "Robot a and Robot b got in each other's way, or were about to, in Aisle 3"),
         (blockage("xabc"), "Robot x stood in the way of others, in Aisle 3"),
         (deadlock("ab"), "Robot a and Robot b waited for each other, or were about to, in Aisle 3"),
         (queue("abc"), "robots needed the same place, in Aisle 3"),
@@ -86,3 +86,32 @@ def test_what_has_ended_is_in_the_past_and_says_how_it_ended(advisory: AnyAdviso
     assert over.time_to_conflict_s == 0.0
     (cleared,) = situations.revise(NOW_S + 6 + OVER_S, [])
     assert (cleared.summary, cleared.cleared_because) == (past, "they drive on")
+
+
+def test_a_knot_tells_people_from_robots() -> None:
+    """Who reads "3 robots" looks for no person."""
+    met = conflict("ab", participants=("person", "robot"))
+    chased = conflict("bc", participants=("robot", "person"))
+    situations = lifecycle()
+    (knot,) = situations.revise(NOW_S, [met, chased])
+    assert knot.headline == "1 robot and 2 people get in each other's way, in Aisle 3"
+    situations.revise(NOW_S + 5.5, [])
+    (over,) = situations.revise(
+        NOW_S + 6, [each.cleared_revision(NOW_S + 6, ClearedCode.GAVE_WAY) for each in (met, chased)]
+    )
+    assert over.summary == "1 robot and 2 people got in each other's way, in Aisle 3"
+
+
+def test_a_robot_stood_in_nobodys_way_who_met_others() -> None:
+    """Robot b, for which the robot stood in the way, meets a third: it names nobody rather than the third, too."""
+    stood = EncounterClass.STATIONARY_OBSTACLE
+    still = conflict("ax", encounter_class=stood, basis=("path", "stationary"))
+    situations, after = lifecycle(), conflict("ab", probability=0.1)
+    (alone,) = situations.revise(NOW_S, [still])
+    situations.revise(NOW_S + 1, [after])
+    situations.revise(NOW_S + 5.5, [])
+    (over,) = situations.revise(
+        NOW_S + 6, [each.cleared_revision(NOW_S + 6, ClearedCode.PASSED) for each in (still, after)]
+    )
+    assert (alone.headline, len(over.robots)) == ("Robot x stands in the way of Robot a, in Aisle 3", 3)
+    assert over.summary == "Robot x stood in the way of others, in Aisle 3"

@@ -102,7 +102,7 @@ def test_what_goes_on_when_the_subject_is_over_is_another_situation() -> None:
     (other,) = later.keys() - {whole.id}
     assert (later[other].split_from, later[other].subject_robots) == (whole.id, ("c", "d"))
     cleared = later[whole.id]
-    assert cleared.summary.startswith("Robot a and Robot b were about to get in each other's way")
+    assert cleared.summary.startswith("Robot a and Robot b got in each other's way, or were about to")
     assert cleared.cleared_code is ClearedCode.PASSED
 
 
