@@ -224,6 +224,7 @@ async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser
     async with opened(browser, face) as page:
         assert await text(page, "#situations .severity") == "✓ Over"
         assert not await text(page, "#situations .when")
+        assert await text(page, "#situations .then") == "Nothing to do any more.", "and not how it will end"
         await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
 
 
@@ -622,12 +623,16 @@ async def test_titles_name_people_and_vehicles_whatever_the_kind(browser: "Brows
         const titles = (...participants) => Object.keys(KINDS).map((kind) =>
             title({ situation_kind: kind, participants, robots: ["a", "b", "c"], culprit: "a" }));
         const mixes = [["robot", "person"], ["driven", "person"], ["person", "robot"], ["person", "person"]];
+        const ring = { situation_kind: "deadlock", subject_is_ring: true, subject_robots: ["a", "b"],
+            robots: ["a", "b", "c"] };
         return [titles(), titles("driven", "robot"), titles("robot", "driven", "person"),
-            mixes.map((mix) => titles(...mix).filter((text) => !/person|people/i.test(text)))];
+            mixes.map((mix) => titles(...mix).filter((text) => !/person|people/i.test(text))),
+            title({ ...ring, participants: ["robot", "robot", "person"] })];
     }"""
     async with opened(browser, face) as page:
-        robots, vehicles, everybody, unnamed = await page.evaluate(script)
+        robots, vehicles, everybody, unnamed, ring = await page.evaluate(script)
     assert unnamed == [[], [], [], []]
+    assert ring == "Waiting for each other", "a person who meets one of its robots is not in it"
     assert robots == [
         "Two robots meet",
         "Head-on",
