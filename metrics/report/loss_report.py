@@ -77,7 +77,7 @@ def _suggested(ledger: LossLedger, used: site.Site, from_s: float, until_s: floa
 
 def loss_page(tables: LossTables, used: site.Site) -> str:
     floors = {datum.id: datum.name for datum in used.datums}
-    title = f"{used.name}: what robots lost to each other"
+    title = f"{used.name}: what robots and people lost to each other"
     pairs = [[row["vendor"], row["by"]] for row in map(LossRow.model_dump, tables.pairs.rows)]
     places = [
         [row["place"] or "elsewhere", floors.get(row["floor"], row["floor"])]
@@ -90,7 +90,7 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
         f"<p class=lead>{escape(loss_sentence(tables))}</p><p>{escape(EXPLANATION)}</p>",
         _section("Worst places", ("Place", "Floor"), places, tables.places.rows, tables),
         _suggestions(tables.suggested),
-        _section("Worst pairs", ("Whose robots lost time", "Whose were in the way"), pairs, tables.pairs.rows, tables),
+        _section("Worst pairs", ("Who lost time", "Who was in the way"), pairs, tables.pairs.rows, tables),
         _section("How they were in the way", ("Kind",), kinds, tables.kinds.rows, tables),
         _section("Day by day", ("Day",), dates, days, tables),
         _refusals(tables.vendors),
@@ -157,7 +157,7 @@ def loss_sentence(tables: LossTables) -> str:
     begin, end = (
         datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d %H:%M") for at_s in (found.from_s, found.until_s)
     )
-    lost = f"From {begin} to {end} UTC robots lost {_span(found.total.lost_s)} to each other{cost}; {then}."
+    lost = f"From {begin} to {end} UTC robots and people lost {_span(found.total.lost_s)} to each other{cost}; {then}."
     return f"{lost} {_warning_sentence(found.total)}".rstrip()
 
 

@@ -13,8 +13,8 @@ from deconflict.advisories.situations.grouping import Group
 from deconflict.advisories.situations.situation_kinds import matter_of
 from deconflict.advisories.situations.situation_outline import count_spots, outline
 from deconflict.advisories.words.situation_words import (
+    Involved,
     Matter,
-    Party,
     again_text,
     ending,
     names_of,
@@ -67,7 +67,7 @@ def cleared(before: Situation, code: ClearedCode, spot: Spot, now_s: float) -> S
 def _past_texts(before: Situation, spot: Spot) -> dict[str, str]:
     kinds = dict(zip(before.robots, before.participants, strict=False))
     named = zip(before.robots, before.names, strict=True)
-    parties, more = {robot: Party(name, kinds.get(robot, "robot")) for robot, name in named}, before.more_robots
+    parties, more = {robot: Involved(name, kinds.get(robot, "robot")) for robot, name in named}, before.more_robots
     of_subject = {robot: parties[robot] for robot in before.subject_robots if robot in parties}
     if before.situation_kind in OF_FEW and len(of_subject) > 1:
         parties, more = of_subject, 0
@@ -222,7 +222,7 @@ def _texts(assessment: Assessment, spot: Spot, now_s: float) -> dict[str, Any]:
     wanted = matter.principal if isinstance(matter.principal, ContentionAdvisory) else None
     named = [NamedPlace(id=wanted.resource, name=wanted.resource_name)] if wanted and not wanted.resources else []
     names, kinds = names_of(assessment.advisories), participants_of(assessment.advisories)
-    parties = [Party(name, kinds.get(robot, "robot")) for robot, name in names.items()]
+    parties = [Involved(name, kinds.get(robot, "robot")) for robot, name in names.items()]
     return {
         "places": tuple(dict.fromkeys([*named, *spot.places])),
         **present_words(matter, parties, now_s, spot.text, _spots(matter), again)._asdict(),

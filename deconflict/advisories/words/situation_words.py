@@ -50,7 +50,7 @@ class Matter(NamedTuple):
     """UUID of the robot that stands or is silent in the way of the others; None if there is no such robot."""
 
 
-class Party(NamedTuple):
+class Involved(NamedTuple):
     """Who is in a situation."""
 
     name: str
@@ -66,7 +66,7 @@ def names_of(advisories: Iterable[AnyAdvisory]) -> dict[str, str]:
 
 
 def present_words(
-    matter: Matter, parties: Sequence[Party], now_s: float, place: str, spots: int, again: str
+    matter: Matter, parties: Sequence[Involved], now_s: float, place: str, spots: int, again: str
 ) -> RevisionWords:
     """What is going on, for a person, at so many `spots`. `parties` are all in the situation.
 
@@ -111,7 +111,7 @@ PAST: dict[SituationKind, str] = {
 
 
 def past_words(
-    kind: SituationKind, parties: Mapping[str, Party], more: int, culprit: str | None, place: str
+    kind: SituationKind, parties: Mapping[str, Involved], more: int, culprit: str | None, place: str
 ) -> RevisionWords:
     """What was going on in a situation that is over, for a person. `parties` are by UUID, `more` are not among them.
 
@@ -119,7 +119,7 @@ def past_words(
     """
     others = [party.name for robot, party in parties.items() if robot != culprit]
     is_known = culprit is None or len(others) + more == 1
-    by = parties[culprit].name if culprit in parties else "a robot"
+    by = parties[culprit].name if culprit and culprit in parties else "a robot"
     were = "were" if len(parties) + more > 1 else "was"
     past = PAST[kind].format(
         names=_named(others, more) if is_known else "others",
@@ -130,14 +130,14 @@ def past_words(
     return words(lambda _: ", ".join(filter(None, [past, place])))
 
 
-def _knot(parties: Sequence[Party], when: str, spots: int) -> str:
+def _knot(parties: Sequence[Involved], when: str, spots: int) -> str:
     """`when` is empty in a headline, which does not list the robots."""
     at = f" at {spots} places" if spots > 1 else ""
     listed = f": {_named([party.name for party in parties])}" if when else ""
     return f"{_counted(parties)} get in each other's way{at}{when}{listed}"
 
 
-def _counted(parties: Iterable[Party], more: int = 0) -> str:
+def _counted(parties: Iterable[Involved], more: int = 0) -> str:
     """How many robots and people they are, and how many more of which that is not known."""
     counted = counted_in_words(party.kind for party in parties)
     return f"{counted}, and {more} more" if more else counted

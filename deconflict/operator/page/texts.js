@@ -22,9 +22,11 @@ const TITLES = {
   deadlock: (kinds) => (isOfRobots(kinds) ? "Waiting for each other" : `${sentence(all(kinds))} wait for each other`),
   identity: (kinds) => `Who is this ${kinds.map((kind) => ONE.get(kind)).join(" or ")}?`,
 };
-// What a situation is, in the fewest words. People and vehicles with a driver are named, whatever its kind.
-export function title({ situation_kind: kind, participants = [], robots = [], culprit }) {
-  const kinds = [...ONE.keys()].filter((each) => participants.includes(each));
+// What a situation is, in the fewest words. People and vehicles with a driver are named, whatever its kind: of a ring, those that
+// wait for each other, and not who meets one of them.
+export function title({ situation_kind: kind, participants = [], robots = [], culprit, subject_is_ring: isRing, subject_robots: ring = [] }) {
+  const named = isRing ? participants.filter((_, i) => ring.includes(robots[i])) : participants;
+  const kinds = [...ONE.keys()].filter((each) => named.includes(each));
   return TITLES[kind](kinds.length ? kinds : ["robot"], participants[robots.indexOf(culprit)] ?? "robot");
 }
 function isOfRobots(kinds) { return kinds.join() === "robot"; }
@@ -99,7 +101,9 @@ const WAITING = {
 
 // What people do: the first thing, and the other things after it. If there is nothing, for what they wait, or how it ends, and
 // what programs do.
-export function toDo({ advice, ends, people_wait_for: first }, nowS) {
+export function toDo(situation, nowS) {
+  const { advice, ends, people_wait_for: first } = situation;
+  if (isOver(situation)) return { first: "", then: "Nothing to do any more." };
   if (advice?.for_people) {
     const [first, ...then] = steps(advice, nowS);
     return { first: sentence(first), then: then.length ? `Then: ${then.join("; ")}` : "" };

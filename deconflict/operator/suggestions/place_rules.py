@@ -140,7 +140,7 @@ def saving_of(figures: SuggestionEvidence, shares: tuple[float, float]) -> Savin
 
 
 def rate(figures: SuggestionEvidence) -> str:
-    observed = f", in {minutes(3600 * figures.hours)}" if figures.hours < 1.0 else ""
+    observed = f"; of {minutes(3600 * figures.hours)} only" if figures.hours < 1.0 else ""
     return f"{minutes(figures.lost_s_per_hour)} an hour ({figures.share:.0%} of all lost time{observed})"
 
 

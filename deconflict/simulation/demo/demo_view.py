@@ -83,7 +83,7 @@ def summary(figures: Mapping[str, float]) -> list[str]:
         f"Robots: {figures['robots']}, messages: {figures['messages']:,}, of these rejected: {figures['rejected']:,}.",
         f"{announced.capitalize()}.",
         f"Advisories raised: {figures['advisories_raised']}, cleared: {figures['advisories_cleared']}.",
-        f"Robots lost {figures['lost_to_others_s']:.0f} s to each other.",
+        f"Robots and people lost {figures['lost_to_others_s']:.0f} s to each other.",
         f"99 % of the advisories came within {figures['latency_p99_ms']:.0f} ms of their message.",
     ]
 

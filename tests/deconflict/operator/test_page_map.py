@@ -241,6 +241,18 @@ async def test_the_box_says_what_a_robot_is_doing_as_far_as_it_says(browser: "Br
     assert "loadnonelast message" in detail
 
 
+async def test_a_person_on_foot_walks_and_drives_nothing(browser: "Browser", face: Served) -> None:
+    script = """async () => {
+        const { fillTable } = await import("/page/list/robots.js"), body = document.querySelector("table tbody");
+        const here = { state: "navigating", knots: [0, 0, 0], arrivalS: 0 };
+        const both = ["person", "robot"].map((participant) => ({ ...here, name: participant, participant }));
+        fillTable(body, both, 0, () => false, new Map());
+        return [...body.rows].map((row) => row.cells[1].textContent);
+    }"""
+    async with opened(browser, face) as page:
+        assert await page.evaluate(script) == ["walks", "drives"]
+
+
 async def test_labels_cover_neither_robots_nor_each_other_and_stay_where_they_are(
     browser: "Browser", face: Served
 ) -> None:

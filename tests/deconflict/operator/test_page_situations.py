@@ -224,6 +224,7 @@ async def test_a_situation_whose_advisories_have_ended_is_over(browser: "Browser
     async with opened(browser, face) as page:
         assert await text(page, "#situations .severity") == "✓ Over"
         assert not await text(page, "#situations .when")
+        assert await text(page, "#situations .then") == "Nothing to do any more.", "and not how it will end"
         await until(page, "document.getElementById('none').textContent === 'Nothing needs you.'")
 
 
@@ -297,7 +298,7 @@ async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_els
     }"""
     async with opened(browser, face) as page:
         found = await page.evaluate(script)
-        assert "Today robots lost" in found
+        assert "Today robots and people lost" in found
         assert "Acme" not in found
         assert "NaN" not in found
 
@@ -410,6 +411,7 @@ async def test_the_shift_summary_counts_by_the_worst_severity_and_lists_who_ackn
         await page.click("#shift-open")
         await until(page, "document.getElementById('shift-body').textContent.includes(': 2 situations, ')")
         body = await text(page, "#shift-body")
+        assert "/" not in body.split(" to ")[0], "7/8 is in July here and in August there"
         assert "1 of them critical at worst; 1 still open, 1 acknowledged" in body
         assert f"Heard now: {ROBOTS} robots." in body
         assert "They have passed" in body
@@ -622,12 +624,16 @@ async def test_titles_name_people_and_vehicles_whatever_the_kind(browser: "Brows
         const titles = (...participants) => Object.keys(KINDS).map((kind) =>
             title({ situation_kind: kind, participants, robots: ["a", "b", "c"], culprit: "a" }));
         const mixes = [["robot", "person"], ["driven", "person"], ["person", "robot"], ["person", "person"]];
+        const ring = { situation_kind: "deadlock", subject_is_ring: true, subject_robots: ["a", "b"],
+            robots: ["a", "b", "c"] };
         return [titles(), titles("driven", "robot"), titles("robot", "driven", "person"),
-            mixes.map((mix) => titles(...mix).filter((text) => !/person|people/i.test(text)))];
+            mixes.map((mix) => titles(...mix).filter((text) => !/person|people/i.test(text))),
+            title({ ...ring, participants: ["robot", "robot", "person"] })];
     }"""
     async with opened(browser, face) as page:
-        robots, vehicles, everybody, unnamed = await page.evaluate(script)
+        robots, vehicles, everybody, unnamed, ring = await page.evaluate(script)
     assert unnamed == [[], [], [], []]
+    assert ring == "Waiting for each other", "a person who meets one of its robots is not in it"
     assert robots == [
         "Two robots meet",
         "Head-on",

@@ -38,13 +38,13 @@ export class Costs {
     const heads = (...first) => [...first, "Lost", "Share", ...(total.cost === null ? [] : ["Cost"])];
     const cells = (row, ...first) => [...first, span(row.lost_s), share(row), ...(total.cost === null ? [] : [money(row)])];
     const whole = hours.filter(({ hour }) => hour < wholeS), priced = total.cost === null ? "" : `, which costs ${money(total)}`;
-    const lead = `Today robots lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
+    const lead = `Today robots and people lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
       + "A robot loses time while another one is in its way and it needs longer than by its plan. ";
     $("costs-body").replaceChildren(
       text("p", lead + warned(total) + ACCURACY),
       this.worstPlaces(places.slice(0, WORST), heads("Place", "Worst point"), cells),
       ...suggestions(suggested),
-      table("The five worst pairs today", heads("Whose robots lost time", "Whose were in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
+      table("The five worst pairs today", heads("Who lost time", "Who was in the way"), rows.slice(0, WORST).map((row) => cells(row, row.vendor, row.by))),
       table("Today by hour", [...heads("From"), "A week ago"], [...hours].sort((a, b) => a.hour - b.hour).map((row) => [...cells(row, minute(row.hour)), then.has(row.hour) ? span(then.get(row.hour)) : ""])),
     );
   }

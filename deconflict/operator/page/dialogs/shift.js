@@ -39,13 +39,13 @@ export class Shift {
     const acknowledged = answers(situations), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
     const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
-      + (lostS === null ? "" : `Robots lost ${span(lostS)} to each other: see “What it costs”. `) + `Heard now: ${this.counted()}.`;
+      + (lostS === null ? "" : `Robots and people lost ${span(lostS)} to each other: see “What it costs”. `) + `Heard now: ${this.counted()}.`;
     $("shift-body").replaceChildren(
       text("p", lead), text("p", `With people: ${withPeople(situations)}.`), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
       table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts)),
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_code: code, cleared_because: because }) => [ENDED[code] ?? sentence(because)])),
       table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
-      table("Whose robots", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
+      table("Whose robots and people", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
       table("Who acknowledged what", ["At", "Who", "What", "Done about it"], acknowledged.map(({ name, reason, at, summary }) => [clock(seconds(at)).slice(0, 5), name, summary, reason])),
     );
   }
@@ -77,7 +77,7 @@ async function lost(fromS) {
 
 // The date only once if it is one day.
 function period(fromS, untilS) {
-  const [from, until] = [fromS, untilS].map((atS) => new Date(atS * 1000).toLocaleDateString()), [begin, end] = [fromS, untilS].map((atS) => clock(atS).slice(0, 5));
+  const [from, until] = [fromS, untilS].map((atS) => new Date(atS * 1000).toLocaleDateString([], { dateStyle: "medium" })), [begin, end] = [fromS, untilS].map((atS) => clock(atS).slice(0, 5));
   return from === until ? `${from}, ${begin} to ${end}` : `${from} ${begin} to ${until} ${end}`;
 }
 

@@ -9,6 +9,7 @@ const STATES = {
   navigating: "drives", charging: "charges", waitingHumanEvent: "waits for a person", waitingExternalEvent: "waits for something around it",
   waitingInternalEvent: "busy with itself", manualOverride: "driven by hand",
 }; // other states are words already
+const WALKS = "walks"; // of a person on foot, whose devices call it navigating, too
 const FORECASTS = {
   path: "the path that it sends", order: "the order that it follows", velocity: "its speed and direction: it sends no path", destination: "its destination: it sends no path",
   stationary: "it stands and announces no way",
@@ -103,5 +104,5 @@ function unplacedRow({ name, reason }) {
 
 function stateOf(robot, isTakenOff) {
   if (isTakenOff) return "not there: another has driven through its place";
-  return robot.away === "silent" ? `silent${likely(robot)}` : STATES[robot.state] ?? robot.state;
+  return robot.away === "silent" ? `silent${likely(robot)}` : robot.state === "navigating" && robot.participant === "person" ? WALKS : STATES[robot.state] ?? robot.state;
 }
