@@ -1,8 +1,8 @@
 """Which open advisories belong to one situation: those that have one subject (`subject.py`). Pure.
 
 While a situation is open its subject stays. An advisory joins its group if it is about the subject; a conflict also if
-it shares a robot with one that is in it, and at the spot of a meeting. What is too far from the others leaves, and so
-do all when none is about the subject any more: what goes on is another situation.
+it shares a robot with one that is in it, or is at the same place. What is too far from the others leaves, and so do all
+when none is about the subject any more: what goes on is another situation.
 """
 
 from collections import defaultdict
@@ -16,8 +16,8 @@ from deconflict.advisories.words.conflict_wording import new_id
 
 NEAR_M = 20.0
 """Largest diagonal of the box around the places of a group's advisories."""
-SPOT_M = 5.0
-"""Places that are nearer to each other are of one spot. Conflicts without a common robot are one meeting only there."""
+SAME_PLACE_M = 15.0
+"""A conflict that shares no robot joins up to this diagonal."""
 NOTHING = Subject()
 Cell = tuple[str, int, int]
 """A datum and the number of a square of `NEAR_M`."""
@@ -64,12 +64,6 @@ class Group:
     robots: set[str] = field(default_factory=set)
     """The robots of its advisories."""
 
-    @property
-    def is_meeting(self) -> bool:
-        """Whether it is about robots in each other's way, none of which stands or waits for the others."""
-        is_of_one = self.is_open and self.subject.least_shared == 1
-        return not is_of_one and all(each.is_conflict for each in self.members.values())
-
     def open(self, subject: Subject) -> None:
         """Its situation begins."""
         self.subject, self.is_open = subject, True
@@ -93,7 +87,7 @@ class Group:
         extent_m = self.box.including(member.x_m, member.y_m).extent_m
         if extent_m > NEAR_M:
             return False
-        is_near = not self.robots.isdisjoint(member.robots) or (self.is_meeting and extent_m <= SPOT_M)
+        is_near = extent_m <= SAME_PLACE_M or not self.robots.isdisjoint(member.robots)
         return is_about or (member.is_conflict and is_near)
 
     def rank(self, member: Member) -> tuple[bool, int, bool, float, str]:

@@ -76,10 +76,11 @@ def _culprit(conflicts: Sequence[ConflictAdvisory]) -> str | None:
     if all(conflict.encounter_class is EncounterClass.STATIONARY_OBSTACLE for conflict in conflicts):
         counts = Counter(robot for conflict in conflicts for robot in conflict.robots)
         common = [robot for robot, count in counts.items() if count == len(conflicts)]
-        still = [robot for robot in common if all(_stands(conflict, robot) for conflict in conflicts)]
+        still = [robot for robot in common if all(stands(conflict, robot) for conflict in conflicts)]
         return min(still, default=None)
     return None
 
 
-def _stands(conflict: ConflictAdvisory, robot: str) -> bool:
+def stands(conflict: ConflictAdvisory, robot: str) -> bool:
+    """Whether a robot stands, or is silent, in a conflict."""
     return basis_of(conflict, robot).startswith("stationary") or basis_of(conflict, robot).endswith(SILENT)

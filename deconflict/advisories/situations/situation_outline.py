@@ -6,11 +6,13 @@ from math import hypot
 import numpy as np
 import shapely
 
-from deconflict.advisories.situations.grouping import SPOT_M, Group
+from deconflict.advisories.situations.grouping import Group
 from deconflict_client.situations import MOST_CORNERS
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
+SPOT_M = 5.0
+"""Places that are nearer to each other are of one spot."""
 Place = tuple[float, float]
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from deconflict.advisories.finding_lifecycle import finding_key
+from deconflict.advisories.situations.situation_kinds import stands
 from deconflict.advisories.words.situation_words import Matter
 from deconflict_client.advisory import (
     AnyAdvisory,
@@ -36,6 +37,8 @@ class Member(NamedTuple):
     place: str = ""
     """What it is about, if its robots change; else empty."""
     is_conflict: bool = True
+    still: frozenset[str] = frozenset()
+    """Those that stand, or are silent, in the way."""
 
     @classmethod
     def of(cls, advisory: AnyAdvisory) -> "Member":
@@ -43,7 +46,13 @@ class Member(NamedTuple):
         datum, x_m, y_m = (at.datum, at.x, at.y) if at else ("", *NOWHERE)
         robots = (advisory.blocker,) if isinstance(advisory, BlockageAdvisory) else advisory.robots
         is_conflict, raised_s = isinstance(advisory, ConflictAdvisory), advisory.raised_at.timestamp()
-        return cls(raised_s, datum, x_m, y_m, frozenset(robots), _place_of(advisory), is_conflict)
+        still = frozenset(robot for robot in robots if _stands(advisory, robot))
+        return cls(raised_s, datum, x_m, y_m, frozenset(robots), _place_of(advisory), is_conflict, still)
+
+
+def _stands(advisory: AnyAdvisory, robot: str) -> bool:
+    """Whether a robot stands in it: who blocks an aisle, or is part of a ring, does."""
+    return stands(advisory, robot) if isinstance(advisory, ConflictAdvisory) else True
 
 
 def _place_of(advisory: AnyAdvisory) -> str:
@@ -62,8 +71,10 @@ class Subject(NamedTuple):
     robots: frozenset[str] = frozenset()
     is_ring: bool = False
     """Whether the cause is that they wait for each other."""
-    least_shared: int = 1
-    """An advisory about it has so many of its robots."""
+    is_culprit: bool = False
+    """Whether the cause is that its robot stands, or is silent, in the way of others."""
+    is_begun: bool = True
+    """Whether a situation is about it. Before, any of its robots is enough."""
 
     @classmethod
     def of(cls, matter: Matter) -> "Subject":
@@ -78,20 +89,23 @@ class Subject(NamedTuple):
     def of_robots(cls, robots: Iterable[str], *, is_ring: bool) -> "Subject":
         """One robot in the way of others, or robots in each other's way."""
         listed = frozenset(sorted(robots)[:MOST_ROBOTS])
-        return cls("", listed, is_ring, min(len(listed), 2))
+        return cls("", listed, is_ring, is_culprit=len(listed) == 1)
 
     @classmethod
     def of_members(cls, members: Iterable[Member]) -> "Subject":
         """What advisories may come to be about whose situation has not begun."""
         found = list(members)
         place = next((member.place for member in found if member.place), "")
-        return cls(place) if place else cls(robots=frozenset().union(*(member.robots for member in found)))
+        robots = frozenset[str]().union(*(member.robots for member in found))
+        return cls(place) if place else cls(robots=robots, is_begun=False)
 
     def has(self, member: Member) -> bool:
         """Whether an advisory is about it."""
         if self.place or member.place:
             return self.place == member.place
-        return len(self.robots & member.robots) >= self.least_shared
+        if self.is_culprit:
+            return self.robots <= member.still
+        return len(self.robots & member.robots) > self.is_begun
 
     def concerns(self, member: Member) -> bool:
         """Whether its sentence tells of an advisory: it is about it, or a conflict of one of its robots."""

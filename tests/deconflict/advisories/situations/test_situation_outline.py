@@ -5,8 +5,7 @@ import pytest
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from deconflict.advisories.situations.grouping import SPOT_M
-from deconflict.advisories.situations.situation_outline import spot_numbers
+from deconflict.advisories.situations.situation_outline import SPOT_M, spot_numbers
 from deconflict_client.situations import MOST_CORNERS
 from tests.deconflict.advisories.situations.made_situations import conflict, raised
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle
-from deconflict_client.advisory import AnyAdvisory, ClearedCode, EncounterClass
+from deconflict_client.advisory import AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation
 from tests.deconflict.advisories.situations.made_situations import (
     NOW_S,
@@ -160,6 +160,17 @@ def test_how_it_ended_is_how_its_subject_ended() -> None:
     assert by_id(situations.revise(NOW_S + 6 + OVER_S, []))[whole.id].cleared_code is ClearedCode.PASSED
 
 
+def test_a_situation_of_a_robot_that_stands_ends_when_it_drives_on_and_crosses_another() -> None:
+    situations, blocked = lifecycle(), blockage("xab")
+    (stood,) = situations.revise(NOW_S, [blocked])
+    situations.revise(NOW_S + 1, [conflict("cx", left_s=60.0)])
+    situations.revise(NOW_S + 5, [ended(blocked, NOW_S + 5)])
+    later = by_id(situations.revise(NOW_S + 5 + OVER_S, []))
+    (other,) = later.keys() - {stood.id}
+    assert (later[other].subject_robots, later[other].split_from) == (("c", "x"), stood.id)
+    assert "stood in the way" in later[stood.id].summary
+
+
 def test_robots_of_a_queue_change_and_it_stays_one_situation() -> None:
     situations, waiting = lifecycle(), queue("abc")
     (first,) = situations.revise(NOW_S, [waiting])
@@ -202,28 +213,3 @@ def test_a_subject_stays_over_a_restart() -> None:
     assert [each.subject_robots for each in after.open()] == [("a", "b")]
     after.revise(NOW_S + 6 + OVER_S, [])
     assert {each.subject_robots: each.split_from for each in after.open()} == {("c", "d"): whole.id}
-
-
-@pytest.mark.parametrize("subject", [deadlock("ab"), blockage("xab"), queue("abc")])
-def test_who_meets_beside_a_deadlock_a_blockage_or_a_queue_is_not_in_it(subject: AnyAdvisory) -> None:
-    """A critical deadlock listed a person who met a robot behind the wall."""
-    situations, met = lifecycle(), conflict("de", x_m=4.0, participants=("person", "robot"))
-    (whole,) = situations.revise(NOW_S, [subject])
-    situations.revise(NOW_S + 1, [met])
-    situations.revise(NOW_S + 6, [])
-    assert {each.id: each.robots for each in situations.open()}[whole.id] == whole.robots
-    assert len(situations.open()) == 2
-
-
-@pytest.mark.parametrize(("apart_m", "count"), [(4.0, 1), (11.0, 2)])
-def test_pairs_that_meet_at_one_spot_are_a_knot_and_pairs_in_two_aisles_are_not(apart_m: float, count: int) -> None:
-    situations = lifecycle()
-    situations.revise(NOW_S, [conflict("ab"), conflict("cd", x_m=apart_m)])
-    assert len(situations.open()) == count
-
-
-def test_a_robot_that_stands_takes_no_conflict_of_others_at_its_spot() -> None:
-    situations, stands = lifecycle(), EncounterClass.STATIONARY_OBSTACLE
-    situations.revise(NOW_S, [conflict("ax", encounter_class=stands, basis=("path", "stationary"))])
-    situations.revise(NOW_S + 1, [conflict("cd", x_m=2.0)])
-    assert sorted(each.robots for each in situations.open()) == [("a", "x"), ("c", "d")]
