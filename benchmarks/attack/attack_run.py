@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.attack import maker_burst
 from benchmarks.attack.floods import FLOODS, Target, flooding
-from benchmarks.attack.measuring import Samples, Subscriber, disk_mb, health, honest_latency
+from benchmarks.attack.measuring import Samples, Subscriber, disk_mb, honest_latency, is_well
 from benchmarks.attack.senders import sending
 from benchmarks.attack.swarms import ROBOTS, SWARMS, swarming
 from benchmarks.broker_offer import broker, sources
@@ -123,7 +123,7 @@ def _after(running: Running, seconds: float) -> tuple[dict[str, Any], float | No
     while time.time() < began_s + seconds:
         time.sleep(LOOK_S)
         earlier, latest = latest, honest_latency(running)
-        is_good = _latency(since(earlier, latest))["p99_ms"] <= GOOD_P99_MS and health(running.face) == "ok"
+        is_good = _latency(since(earlier, latest))["p99_ms"] <= GOOD_P99_MS and is_well(running.face)
         if is_good and whole_after_s is None:
             whole_after_s = round(time.time() - began_s, 1)
     return _latency(since(before, latest)) | {"between_s": (began_s, time.time())}, whole_after_s
@@ -134,7 +134,7 @@ def _restart_s(data: Path) -> float | None:
     began_s = time.monotonic()
     with service(data_directory=data) as running:
         while time.monotonic() < began_s + HEALTHY_WITHIN_S:
-            if health(running.face) == "ok":
+            if is_well(running.face):
                 return round(time.monotonic() - began_s, 1)
             time.sleep(0.1)
     return None

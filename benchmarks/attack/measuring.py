@@ -131,6 +131,14 @@ def health_document(face: str) -> dict[str, Any]:
     return answer
 
 
+def is_well(face: str) -> bool:
+    """Whether nothing is wrong now. What was refused or lost is said for ten minutes more, and is left out."""
+    document = health_document(face)
+    parts = {name: part for name, part in document.items() if isinstance(part, dict) and "status" in part}
+    is_up = "down" not in document.get("roles", {"": "down"}).values()
+    return is_up and all(part["status"] == "ok" for name, part in parts.items() if name != "refused_or_lost")
+
+
 def disk_mb(data: Path) -> float:
     with suppress(OSError):
         return round(sum(path.stat().st_size for path in data.rglob("*") if path.is_file()) / 1e6, 1)

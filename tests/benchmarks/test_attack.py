@@ -7,7 +7,7 @@ import pytest
 from benchmarks.attack import maker_burst
 from benchmarks.attack.attack_run import ATTACKS, Plan, attacking
 from benchmarks.attack.floods import FLOODS
-from benchmarks.attack.measuring import Subscriber, health
+from benchmarks.attack.measuring import Subscriber, health_document, is_well
 from benchmarks.attack.senders import sending
 from benchmarks.attack.swarms import SWARMS
 from benchmarks.drawn_floors.motion import sent_by
@@ -35,9 +35,9 @@ def test_beside_every_attack_honest_robots_are_warned_and_no_role_ends() -> None
                     time.sleep(FLOOD_S)
             ended_s = time.time()
         until_s = time.monotonic() + PATIENCE_S
-        while health(running.face) != "ok" and time.monotonic() < until_s:
+        while not is_well(running.face) and time.monotonic() < until_s:
             time.sleep(0.2)
-        assert health(running.face) == "ok"
+        assert is_well(running.face), health_document(running.face)
         subscriber.stop()
         number, meetings = subscriber.told(start_s, PAIRS, began_s, ended_s)
         assert (number, meetings > 5) == (meetings, True)
