@@ -173,7 +173,7 @@ function tabs() {
     tab.tabIndex = id === floor ? 0 : -1;
     tab.append(name);
     if (count) tab.append(needed(count, worst.get(id)));
-    tab.title = `${count ? plural(count, "situation") : "No situation"} of this floor ${count > 1 ? "need" : "needs"} somebody; the list has those of all floors, and those that end by themselves`;
+    tab.title = `${count ? plural(count, "situation") : "No situation"} of this floor ${count > 1 ? "need" : "needs"} somebody; the list has those of all floors, and those that end without anybody`;
     tab.onclick = () => show(id);
     return tab;
   }));
@@ -206,7 +206,7 @@ function nothing(calm) {
   if (!feed.loaded) return "Loading…";
   if (unknown) return `Not known: ${unknown}. This was listed last:`;
   if (state === "preparing") return "No warnings yet.";
-  return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends by itself" : "end by themselves"}:` : "Nothing needs you.";
+  return calm ? `Nothing needs you. ${plural(calm, "situation")} ${calm === 1 ? "ends" : "end"} without you:` : "Nothing needs you.";
 }
 
 function list() {

@@ -85,8 +85,8 @@ export function unnamed(situation) {
 
 export function severityOf(revision) { return isOver(revision) ? "✓ Over" : `${SIGNS[revision.severity]} ${SEVERITY[revision.severity]}`; }
 
-// Whether somebody has to do something about it.
-export function needsSomebody(situation) { return !isCalm(situation) && !isOver(situation); }
+// Whether somebody has to do something about it now: neither robots nor other advice come first.
+export function needsSomebody(situation) { return !isCalm(situation) && !isOver(situation) && !situation.people_wait_for; }
 
 // Whether somebody has to do something critical now: neither robots nor other advice come first.
 export function isDue({ severity, people_wait_for: first }) { return severity === "critical" && !first; }

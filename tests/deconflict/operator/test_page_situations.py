@@ -232,7 +232,7 @@ async def test_what_is_over_stands_last_and_is_not_counted(browser: "Browser", f
     over = shown(1, 0, 1, advice=None, advisories=(), severity=Severity.CRITICAL)
     await face.publish(over, shown(2, 4, 5, advice=None, severity=Severity.CAUTION))
     async with opened(browser, face) as page:
-        expected = "Nothing needs you. 1 situation ends by itself:"
+        expected = "Nothing needs you. 1 situation ends without you:"
         await until(page, f"document.getElementById('none').textContent === '{expected}'")
         assert await text(page, "#count") == "(1, 1 over)"
         assert await page.evaluate(f"{CARDS}.map((card) => card.dataset.id)") == ["situation-2", "situation-1"]
@@ -720,9 +720,10 @@ async def test_the_tab_of_a_floor_says_that_it_counts_what_needs_somebody(
     browser: "Browser", face: Served, width: int, shown_text: str
 ) -> None:
     calm: dict[str, Any] = {"advice": None, "severity": Severity.CAUTION}
-    await face.publish(shown(1, 0, 1), shown(2, 4, 5, **calm), shown(3, 8, 9, **calm))
+    waiting: dict[str, Any] = {"severity": Severity.CRITICAL, "advice": None, "people_wait_for": "robots"}
+    await face.publish(shown(1, 0, 1), shown(2, 4, 5, **calm), shown(3, 8, 9, **calm), shown(4, 2, 3, **waiting))
     async with opened(browser, face, width) as page:
-        await until(page, "document.getElementById('count').textContent === '(3)'")
+        await until(page, "document.getElementById('count').textContent === '(4)'")
         count = page.locator("#tabs .open")
         assert await count.text_content() == "1 needs you", "screen readers hear the words"
         words = page.locator("#tabs .words")

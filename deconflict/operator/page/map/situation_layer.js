@@ -3,7 +3,7 @@
 import { FADE_MS } from "../floor/feed.js";
 import { inside } from "./places.js";
 import { AROUND, leader } from "./labels.js";
-import { SIGNS, countdown, isOver, needsSomebody, title } from "../texts.js";
+import { SIGNS, countdown, isCalm, isOver, title } from "../texts.js";
 
 const ANSWERED = 0.65; // opacity of what somebody takes care of
 const OVER = 0.25; // opacity of what is over but may come back
@@ -93,7 +93,7 @@ export class SituationLayer {
     pen.font = FONT(unit);
     const { box } = this.shape(situation);
     if (!this.map.labels.inSight(box)) return null;
-    const place = this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, needsSomebody(situation) || picked ? { must: true } : { tries: AROUND });
+    const place = this.map.labels.place(id, box, pen.measureText(text).width + 14 * unit, 21 * unit, (!isCalm(situation) && !isOver(situation)) || picked ? { must: true } : { tries: AROUND });
     return place && { id, text, severity, isAnswered: Boolean(acknowledgement), ...place };
   }
 
