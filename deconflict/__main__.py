@@ -200,6 +200,7 @@ def _completion(args: argparse.Namespace) -> int:
 def main() -> int:
     """Run one command and return its exit code."""
     gc.set_threshold(*GC_THRESHOLDS)
+    _open_closed_streams()
     args = parser().parse_args()
     begin_log(args.log)
     try:
@@ -222,7 +223,35 @@ def main() -> int:
     ) as error:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED
+    except OSError as error:
+        if not _output_fails():
+            raise
+        sys.stderr.write(f"deconflict: standard output can't be written: {error.strerror}\n")
+        return MISUSED
     return code
+
+
+def _open_closed_streams() -> None:
+    """Give a program that was started without some of its standard streams empty ones, so that no file takes their
+    numbers."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def _output_fails() -> bool:
+    """Whether standard output takes nothing more, as on a full disk. Then the rest of it is discarded."""
+    try:
+        os.write(sys.stdout.fileno(), b"\n")
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
 
 
 def _output_is_closed() -> bool:

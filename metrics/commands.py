@@ -130,7 +130,9 @@ def _replay(args: argparse.Namespace) -> int:
         raise LogError("replay: give a LOG, or --compare A.json B.json")
     tasks = _tasks(args)
     check_outputs(
-        [file for task in tasks for file in task.files], [path for task in tasks for path in task.outputs.paths()]
+        [file for task in tasks for file in task.files],
+        [path for task in tasks for path in task.outputs.paths()],
+        args.site,
     )
     with _kernels_compiled():
         from metrics.replay import replay  # noqa: F401, PLC0415 - brings kernels
@@ -188,7 +190,7 @@ def _kernels_compiled() -> AbstractContextManager[None]:
 
 def _whatif(args: argparse.Namespace) -> int:
     settings, logs = _settings(args, args.logs), files_of(args.logs)
-    check_outputs(logs, [args.json] if args.json else [])
+    check_outputs(logs, [args.json] if args.json else [], args.site)
     with _kernels_compiled():
         from metrics.whatif import whatif_question  # noqa: PLC0415 - brings kernels
 
@@ -209,7 +211,7 @@ def _whatif(args: argparse.Namespace) -> int:
 
 def _conform(args: argparse.Namespace) -> int:
     reader, settings, logs = LogReader(), _settings(args, args.logs), files_of(args.logs)
-    check_outputs(logs, [args.json] if args.json else [])
+    check_outputs(logs, [args.json] if args.json else [], args.site)
     with _with_progress(reader, logs) as events:
         result = conformance_counts.conform(reader, events, settings)
     _check_order(reader, args.logs, result)

@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -17,6 +17,10 @@ from ingest.recording.log_segments import under_present_name
 if TYPE_CHECKING:
     from metrics.replay.engine_output import PairProbabilities
     from metrics.replay.replay import AdvisorySink, Sinks
+
+
+DATABASE = b"SQLite format 3\0"
+"""The first bytes of a database, as the service has some."""
 
 
 class LogError(ValueError):
@@ -153,17 +157,32 @@ def _named(out: Path, name: str) -> Path:
     return out.with_name(f"{out.stem}-{name}{out.suffix}") if name else out
 
 
-def check_outputs(logs: Sequence[Path], outputs: Sequence[Path]) -> None:
-    """Raises `LogError` if an output can't be written, or would overwrite a log or another output."""
+def check_outputs(logs: Sequence[Path], outputs: Sequence[Path], site: Path | None = None) -> None:
+    """Raises `LogError` if an output can't be written, or would overwrite an input, a database or another output."""
     for out in outputs:
         exists = os.access(out, os.F_OK)
         if not (os.access(out, os.W_OK) and not out.is_dir() if exists else os.access(out.parent, os.W_OK | os.X_OK)):
             raise LogError(f"{out} can't be written: give a file in an existing directory that you may write to")
-        if exists and any(under_present_name(log, out.samefile) for log in logs):
-            raise LogError(f"{out} is a log to be read: give the output another name")
+        if exists and (needed := _not_to_replace(out, logs, site)):
+            raise LogError(f"{out} is {needed}: give the output another name")
     for out, other in combinations(outputs, 2):
         if _is_one_file(out, other):
             raise LogError(f"{other} is named for two outputs: give each a name of its own")
+
+
+def _not_to_replace(out: Path, logs: Sequence[Path], site: Path | None) -> str | None:
+    """What an output is that somebody still needs."""
+    if any(under_present_name(log, out.samefile) for log in logs):
+        return "a log to be read"
+    if site and site.exists() and out.samefile(site):
+        return "the site file"
+    return "a database" if out.is_file() and _is_database(out) else None
+
+
+def _is_database(path: Path) -> bool:
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(len(DATABASE)) == DATABASE
+    return False
 
 
 def _is_one_file(out: Path, other: Path) -> bool:

@@ -48,6 +48,21 @@ def test_a_reader_that_has_seen_enough_is_no_fault() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_an_output_that_takes_nothing_more_is_a_sentence() -> None:
+    command = [sys.executable, "-m", "deconflict", "schema", "openapi"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    expected = "deconflict: standard output can't be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (MISUSED, expected)
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
+def test_a_command_without_some_standard_streams_runs(closed: str) -> None:
+    command = f"exec '{sys.executable}' -m deconflict schema site {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_robots_that_reach_no_service_say_so() -> None:
     command = [sys.executable, "-m", "deconflict", "simulate", "--url", "ws://127.0.0.1:1", "--seconds", "0.3"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -41,6 +41,8 @@ class RotatingLog:
         self.settings, self._directory, self._clock, self._known_time = settings, directory, clock, known_time
         self.packer = LogPacker()
         self._file: FileIO | None = None
+        self._path = directory
+        """Of the file."""
         self._written, self._released_bytes, self._begun_s = 0, 0, 0.0
         """Bytes in the file, how many there were when the page cache was last released, and when the file began."""
         self._failed_s = 0.0
@@ -102,7 +104,8 @@ class RotatingLog:
             self._directory.mkdir(parents=True, exist_ok=True)
             existing = sorted(file for name in (PATTERN, PATTERN + PACKED) for file in self._directory.glob(name))
             try:
-                self._file = (self._directory / self._name(existing)).open("xb", buffering=0)
+                self._path = self._directory / self._name(existing)
+                self._file = self._path.open("xb", buffering=0)
                 self._written, self._released_bytes, self._begun_s = 0, 0, self._clock()
             finally:  # a full disk may need the room
                 self._remove_oldest(self._remove_old(existing))
@@ -110,11 +113,12 @@ class RotatingLog:
         return self._file
 
     def _is_removed(self, file: FileIO) -> bool:
-        """Whether somebody has removed the file: then nobody can read what is written to it."""
-        is_removed = os.fstat(file.fileno()).st_nlink == 0
-        if is_removed:
-            log.error("the newest file of the log was removed with %d bytes in it; a new one begins", self._written)
-        return is_removed
+        """Whether somebody has removed the file, or moved it away, as with the whole directory for a backup that is put
+        in its place: then nobody finds what is written to it."""
+        if _is_at(file, self._path):
+            return False
+        log.error("the newest file of the log was removed or moved, with %d bytes; a new one begins", self._written)
+        return True
 
     def _name(self, existing: list[Path]) -> str:
         """A name that sorts after all others, even if the clock was set back. So its time may be later than now."""
@@ -172,9 +176,24 @@ class RotatingLog:
             log.error("nothing can be recorded: %s; free space or repair the disk, recording resumes by itself", error)
         self.failing = str(error)
         self._failed_s = self._clock()
+        self._remove_empty()
         self.close()
+
+    def _remove_empty(self) -> None:
+        """Remove a new file of which the disk took nothing: each further attempt makes another one."""
+        with suppress(OSError):
+            if self._file and os.fstat(self._file.fileno()).st_size == 0 and _is_at(self._file, self._path):
+                self._path.unlink()
 
     def _recovered(self) -> None:
         if self.failing:
             log.warning("recording again")
         self.failing = None
+
+
+def _is_at(file: FileIO, path: Path) -> bool:
+    """Whether the open file is the one that has this path."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except (FileNotFoundError, NotADirectoryError):
+        return False

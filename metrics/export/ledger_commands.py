@@ -19,7 +19,7 @@ from deconflict.runtime.command_parsers import Commands, add_command, number_in
 from deconflict.settings import site, site_file
 from deconflict.settings.site import Site
 from metrics.export.day_files import write_days
-from metrics.replay_files import LogError, create_directory, write_text
+from metrics.replay_files import LogError, check_outputs, create_directory, write_text
 from metrics.report import loss_report
 
 MOST_DAYS = 36_500
@@ -84,6 +84,7 @@ def _opened(args: argparse.Namespace) -> Iterator[tuple[LossLedger, Site]]:
 
 def _losses(args: argparse.Namespace) -> int:
     until_s = time.time() if args.until_s is None else args.until_s
+    check_outputs([], [path for path in (args.html, args.csv) if path], args.site)
     with _opened(args) as (ledger, used):
         from_s, ran_until_s = until_s - args.days * DAY_S, min(until_s, _ran_until_s(args.data))
         tables = loss_report.loss_tables(ledger, used, from_s, until_s, ran_until_s)

@@ -3,7 +3,9 @@
 import gzip
 import json
 import logging
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +62,20 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(
     with pytest.raises(LogError, match="is a log to be read"):
         run(command, log.parent, option, log)
     assert log.read_bytes() == kept
+
+
+@pytest.mark.parametrize("command", ["replay", "conform", "losses"])
+def test_no_output_replaces_the_site_file_or_a_database(tmp_path: Path, log: Path, command: str) -> None:
+    site, database = tmp_path / "site.toml", tmp_path / "losses.db"
+    site.write_text("")
+    with closing(sqlite3.connect(database)) as db:
+        db.execute("PRAGMA user_version = 1")
+    option, logs = ("--csv", ["--data", tmp_path]) if command == "losses" else ("--json", [log])
+    for out, what in ((site, "the site file"), (database, "a database")):
+        kept = out.read_bytes()
+        with pytest.raises(LogError, match=f"is {what}: give the output another name"):
+            run(command, *logs, "--site", site, option, out)
+        assert out.read_bytes() == kept
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -211,10 +211,13 @@ class AccessMiddleware:
 
     async def _log_in(self, request: Request) -> Response:
         body = b""
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MOST_FORM_BYTES:
-                return self._refused(request.scope, 413, "the form is too long")
+        try:
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > MOST_FORM_BYTES:
+                    return self._refused(request.scope, 413, "the form is too long")
+        except ClientDisconnect:
+            return Response(status_code=400)  # nobody is there to read it
         token = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
         signed_in = self._people.sign_in(f"Bearer {token}")
         if signed_in is None:

@@ -1,12 +1,13 @@
 """The command `backup`: copies a data directory while its service runs. The copy is the data directory of a start."""
 
 import argparse
+import fcntl
 import os
 import shutil
 import sqlite3
 import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from deconflict.operator.blackbox.archive import FOLDER as BOXES
@@ -32,6 +33,8 @@ LOG = "log"
 SET_ASIDE = ("advisories-*.db", "losses-*.db", f"*{ASIDE}")
 """Files that the service renamed, since they were damaged. Nobody writes to them, so they are copied as they are."""
 ADVICE = "a start of the service sets a damaged one aside"
+LOCK = ".backup.lock"
+"""In a copy until it is complete."""
 NEVER_COPIED = (LOCKS, "*.new", "*.unfinished")
 
 
@@ -66,14 +69,42 @@ def backed_up(data: Path, target: Path) -> int:
         raise DataDirectoryError(f"{target} is in {data}; name a directory outside it")
     unfinished = target.with_name(target.name + ".unfinished")
     try:
-        shutil.rmtree(unfinished, ignore_errors=True)  # left by a kill
-        create_data_directory(unfinished)
-        copied = sum(_copies(data, unfinished))
-        unfinished.rename(target)
+        with _made_alone(unfinished):
+            copied = sum(_copies(data, unfinished))
+            (unfinished / LOCK).unlink(missing_ok=True)
+            unfinished.rename(target)
     except (OSError, sqlite3.Error) as error:
-        shutil.rmtree(unfinished, ignore_errors=True)
         raise DataDirectoryError(f"{data} can't be copied to {target}: {error}") from error
     return copied
+
+
+@contextmanager
+def _made_alone(unfinished: Path) -> Iterator[None]:
+    """A new directory, in the place of one that a kill has left, which no other backup writes to. An error removes it.
+
+    Raises `OSError`.
+    """
+    if unfinished.is_dir():
+        with _alone(unfinished):
+            shutil.rmtree(unfinished)
+    create_data_directory(unfinished)
+    with _alone(unfinished):
+        try:
+            yield
+        except BaseException:
+            shutil.rmtree(unfinished, ignore_errors=True)
+            raise
+
+
+@contextmanager
+def _alone(unfinished: Path) -> Iterator[None]:
+    """Raises `OSError` if another backup writes to the directory."""
+    with opened(unfinished / LOCK, os.O_RDWR | os.O_CREAT) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise DataDirectoryError("another backup is writing it; wait for that one") from error
+        yield
 
 
 def left_out(data: Path, target: Path) -> list[str]:

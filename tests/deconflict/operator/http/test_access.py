@@ -1,3 +1,4 @@
+import asyncio
 import json
 import time
 from pathlib import Path
@@ -287,3 +288,18 @@ async def test_guessing_a_persons_token_is_slowed_down(
             assert (await client.get("/advisories", headers=guess)).status_code == 401
             assert (await client.post("/login", data={"token": "guessed-0123456789"})).status_code == 401
         assert time.monotonic() - began_s > 0.1 + 0.2 + 0.25
+
+
+async def test_who_leaves_while_signing_in_makes_no_error_of_the_service(
+    tmp_path: Path, people: tuple[Person, ...], caplog: pytest.LogCaptureFixture
+) -> None:
+    async with served(tmp_path, people=people) as face:
+        _, writer = await asyncio.open_connection(*face.address.split(":"))
+        writer.write(b"POST /login HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\ntoken=")
+        await writer.drain()
+        await asyncio.sleep(0.2)
+        writer.close()
+        await asyncio.sleep(0.2)
+        async with http_client(face.http) as client:
+            assert (await client.get("/healthz")).status_code in (200, 503)
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]

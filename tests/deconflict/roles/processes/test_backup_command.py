@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.roles.processes import backup_command
 from deconflict.roles.processes.backup_command import backed_up, left_out
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict_client.client import Client, PositionLostError
@@ -85,3 +86,27 @@ def test_what_was_set_aside_is_copied_and_what_is_not_copied_is_named(tmp_path: 
         name: name for name in aside
     }
     assert left_out(data, copy) == ["\x1b[2J", "notes.txt", "owners.json", "robots.db.unreadable"]
+
+
+def test_a_second_backup_to_the_same_place_leaves_the_first_one_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, copy = tmp_path / "data", tmp_path / "copy"
+    (data / "log").mkdir(parents=True)
+    for number in range(3):
+        (data / "log" / f"log-{number:017d}.jsonl").write_bytes(b"{}\n")
+    refused: list[str] = []
+
+    def copied_beside_another(file: Path, folder: Path) -> bool:
+        if file.name.endswith("2.jsonl") and not refused:
+            with pytest.raises(DataDirectoryError) as error:
+                backed_up(data, copy)
+            refused.append(str(error.value))
+        return copied(file, folder)
+
+    copied = backup_command._copy
+    monkeypatch.setattr(backup_command, "_copy", copied_beside_another)
+    assert backed_up(data, copy) >= 3
+    assert "another backup is writing it" in refused[0]
+    assert len(list((copy / "log").iterdir())) == 3
+    assert not list(copy.glob(".*"))
