@@ -125,7 +125,8 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
     "deconflict_blackboxes_total": {
         "failed": Said("near misses have no black box, after an error", "the log says why", 1),
         "beyond": Said(
-            "near misses have no black box, too many came at once", "see GET /situations for what goes on", 1
+            "near misses have no black box: too many of these vendors came at once",
+            "see GET /situations for what goes on",
         ),
         "kept": _other("black boxes that were kept"),
         "unfounded": _other("near misses that reports do not show"),
