@@ -8,7 +8,9 @@ from typing import Any, cast
 import h11
 from fastapi import FastAPI
 from h11 import Request
+from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import CloseCode
 
@@ -160,6 +162,13 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             super().handle_ping()
         else:
             self.conn.data_to_send()
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Raise `ClientDisconnected` if this side has closed the connection meanwhile, as after a frame that can't be
+        read: uvicorn calls that a fault of the handler, which has not heard of it yet."""
+        if self.handshake_complete and self.close_sent:
+            raise ClientDisconnected
+        await super().send(message)
 
     async def run_asgi(self) -> None:
         """Run the handler. If it returns without a closing handshake, abort the connection.

@@ -6,6 +6,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from uvicorn.protocols.utils import ClientDisconnected
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError
 from websockets.frames import Frame, Opcode
@@ -258,6 +259,21 @@ async def test_a_subscriber_that_floods_is_ended_with_the_reason_and_one_that_pi
             await (await subscriber.ping())
         await face.publish(made(1))
         assert json.loads(await subscriber.recv())["seq"] == 1
+
+
+async def test_a_revision_for_a_subscriber_that_has_just_been_ended_is_no_fault(
+    face: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with connect(face.stream()):
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 1)
+        (connection,) = face.server.server_state.connections
+        assert isinstance(connection, WebSocketProtocol)
+        connection.keepalive_timeout()
+        with pytest.raises(ClientDisconnected):
+            await connection.send({"type": "websocket.send", "text": "{}"})
+        await face.publish(made(1))
+        await until(lambda: face.measured("deconflict_stream_subscribers") == 0)
+    assert "Exception in ASGI application" not in caplog.text
 
 
 async def test_pings_of_a_subscriber_that_reads_nothing_are_not_answered(face: Served) -> None:
