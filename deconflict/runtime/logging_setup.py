@@ -13,6 +13,7 @@ from contextlib import suppress
 from textwrap import indent
 from typing import Any, TextIO
 
+from deconflict_client.counted_nouns import count_of
 from ingest.languages import timestamps
 from ingest.languages.visible_text import visible, visible_lines
 
@@ -159,7 +160,8 @@ class UnhurriedOutput:
         """The next text; None if there is no more, and then this thread ends."""
         with self._changed:
             if not self._waiting and self._left_out:
-                self._add(f"{self._left_out} lines of the log were left out: nobody read standard error\n".encode())
+                lines = count_of(self._left_out, "line of the log was", "lines of the log were")
+                self._add(f"{lines} left out: nobody read standard error\n".encode())
                 self._left_out = 0
             if self._waiting:
                 self._bytes -= len(self._waiting[0])

@@ -43,7 +43,8 @@ def test_what_is_written_is_for_user_and_group_only_and_a_stricter_umask_stays(t
 def test_files_of_an_earlier_release_get_the_rights_of_today(tmp_path: Path) -> None:
     data, elsewhere = tmp_path / "data", tmp_path / "elsewhere"
     for folder in (data, data / "log"):
-        folder.mkdir(mode=0o755)
+        folder.mkdir()
+        folder.chmod(0o755)
     files = {name: data / name for name in ("advisories.db", "owners.json", "log/1.jsonl", "of-others")}
     for file in (*files.values(), elsewhere):
         file.touch()
