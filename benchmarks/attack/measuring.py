@@ -132,11 +132,20 @@ def health_document(face: str) -> dict[str, Any]:
 
 
 def is_well(face: str) -> bool:
-    """Whether nothing is wrong now. What was refused or lost is said for ten minutes more, and is left out."""
+    """Whether nothing is wrong now."""
     document = health_document(face)
+    return is_up(document) and all(part["status"] == "ok" for part in parts_now(document).values())
+
+
+def is_up(document: dict[str, Any]) -> bool:
+    """Whether health knows of the roles, and none of them is down."""
+    return "down" not in document.get("roles", {"": "down"}).values()
+
+
+def parts_now(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parts of health, without what was refused or lost before, which is said for ten minutes more."""
     parts = {name: part for name, part in document.items() if isinstance(part, dict) and "status" in part}
-    is_up = "down" not in document.get("roles", {"": "down"}).values()
-    return is_up and all(part["status"] == "ok" for name, part in parts.items() if name != "refused_or_lost")
+    return {name: part for name, part in parts.items() if name != "refused_or_lost"}
 
 
 def disk_mb(data: Path) -> float:

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.attack.measuring import is_up, parts_now
 from benchmarks.faulty_files import faults
 from benchmarks.faulty_files.drilled_service import DrilledService, repeated_numbers
 
@@ -126,13 +127,10 @@ def without_past(files: dict[str, Any]) -> dict[str, Any]:
 
 
 def is_well(health: dict[str, Any]) -> bool:
-    """Whether nothing is wrong now. What was refused or lost before is said for ten minutes more."""
-    parts = {name: part for name, part in health.items() if isinstance(part, dict) and "status" in part}
-    parts |= {"refused_or_lost": {"status": "ok"}, "files": without_past(parts.get("files", {"status": "unknown"}))}
-    return (
-        all(part["status"] in ("ok", "begun anew") for part in parts.values())
-        and "down" not in health.get("roles", {}).values()
-    )
+    """Whether nothing is wrong now. What was removed before is said for ten minutes more."""
+    parts = parts_now(health)
+    parts["files"] = without_past(parts.get("files", {"status": "unknown"}))
+    return is_up(health) and all(part["status"] in ("ok", "begun anew") for part in parts.values())
 
 
 async def drill_start(case: Case, template: Path, disk: Path) -> Outcome:
