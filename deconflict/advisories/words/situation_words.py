@@ -115,7 +115,7 @@ def past_words(
 ) -> RevisionWords:
     """What was going on in a situation that is over, for a person. `parties` are by UUID, `more` are not among them.
 
-    In whose way a robot stood is said only of one: of more, some may have met others.
+    Whom a robot held up is named if it was one. Of several, some may only have met each other.
     """
     others = [party.name for robot, party in parties.items() if robot != culprit]
     is_known = culprit is None or len(others) + more == 1

@@ -8,7 +8,7 @@ import numpy as np
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Batch, Bools, Ints
 
-SAID_AFTER_S = 10.0
+NAMED_AFTER_S = 10.0
 """A robot is named once all of its reports over this time contradicted it."""
 KEPT_S = 30.0
 """It is named until this time after the last one."""
@@ -40,16 +40,16 @@ class DoubtedRobots:
         on foot is doubted."""
         announces = np.isin(batch.basis, ANNOUNCED) & (np.array(batch.participants) != "person")
         since_s, last_s = self._since_s[slots], self._last_s[slots]
-        was_said = self._are_said(slots, batch.now_s)
+        were_named = self._are_named(slots, batch.now_s)
         since_s[batch.now_s - last_s > KEPT_S] = np.inf
-        since_s = np.where(contradict, np.minimum(since_s, batch.now_s), np.where(was_said, since_s, np.inf))
+        since_s = np.where(contradict, np.minimum(since_s, batch.now_s), np.where(were_named, since_s, np.inf))
         self._since_s[slots] = np.where(announces, since_s, np.inf)
         self._last_s[slots] = np.where(contradict & announces, batch.now_s, last_s)
 
-    def said(self, now_s: float) -> Ints:
+    def named(self, now_s: float) -> Ints:
         """The slots of the robots to name."""
-        return np.flatnonzero(self._are_said(slice(None), now_s))
+        return np.flatnonzero(self._are_named(slice(None), now_s))
 
-    def _are_said(self, slots: Ints | slice, now_s: float) -> Bools:
+    def _are_named(self, slots: Ints | slice, now_s: float) -> Bools:
         last_s = self._last_s[slots]
-        return (last_s - self._since_s[slots] >= SAID_AFTER_S) & (now_s - last_s <= KEPT_S)
+        return (last_s - self._since_s[slots] >= NAMED_AFTER_S) & (now_s - last_s <= KEPT_S)

@@ -289,7 +289,7 @@ class ProbabilityEstimator:
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots to name as those that move otherwise than they announce, in ascending order."""
-        return sorted(self._robots.names[self._doubts.said(self._looked_s)].tolist())
+        return sorted(self._robots.names[self._doubts.named(self._looked_s)].tolist())
 
     def _contradicts(self, slots: int | Ints | slice) -> Bools:
         """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""
@@ -298,7 +298,7 @@ class ProbabilityEstimator:
 
     def _measure(self) -> None:
         measure(self.ledger, self.measures)
-        vendors, of_robots = self._robots.vendor_numbers, self._robots.vendor[self._doubts.said(self._looked_s)]
+        vendors, of_robots = self._robots.vendor_numbers, self._robots.vendor[self._doubts.named(self._looked_s)]
         counts = np.bincount(of_robots, minlength=len(vendors)).tolist()
         self.measures.level("deconflict_robots_distrusted", {(name,): counts[row] for name, row in vendors.items()})
 

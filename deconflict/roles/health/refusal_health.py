@@ -23,7 +23,7 @@ INSISTENT = 20
 WHO = "the log of the receiver says who, and why"
 
 
-class Said(NamedTuple):
+class Shown(NamedTuple):
     """A rise is said: degraded from a number within `SHOWN_S`, below it in a note."""
 
     words: str
@@ -33,131 +33,133 @@ class Said(NamedTuple):
     """Never: others than the site can make it rise, and nobody else suffers from it."""
 
 
-class Unsaid(NamedTuple):
+class LeftOut(NamedTuple):
     """A rise is not said here."""
 
     why: str
 
 
-def _part(name: str) -> Unsaid:
-    return Unsaid(f"`{name}` in health says it")
+def _part(name: str) -> LeftOut:
+    return LeftOut(f"`{name}` in health says it")
 
 
-def _other(kind: str) -> Unsaid:
-    return Unsaid(f"nothing is refused or lost: it counts {kind}")
+def _other(kind: str) -> LeftOut:
+    return LeftOut(f"nothing is refused or lost: it counts {kind}")
 
 
-Rule = Said | Unsaid
+Rule = Shown | LeftOut
 
 _CONNECTIONS: dict[str, Rule] = {
-    "full": Said(
+    "full": Shown(
         "connections of robots were refused because all places were taken",
         "raise the limit of open files (ulimit -n, LimitNOFILE) or receiver.max_connections; the log says which is "
         "lower",
         1,
     ),
-    "no-files": Said(
+    "no-files": Shown(
         "times no robot could connect for want of open files",
         "raise the limit of open files (ulimit -n, LimitNOFILE)",
         1,
     ),
-    "face-no-files": Said(
+    "face-no-files": Shown(
         "times nobody could connect to the operators' port for want of open files",
         "raise the limit of open files (ulimit -n, LimitNOFILE)",
         1,
     ),
-    "unauthorised": Said("connections were refused for want of a valid token or certificate", WHO, INSISTENT),
-    "another-vendor": Said("connections were refused that spoke for another vendor", WHO, INSISTENT),
-    "tls-failed": Said("connections of robots failed in the TLS handshake", WHO, INSISTENT),
-    "another-site": Said("connections of pages of other sites were refused", WHO),
-    "replaced": Said(
+    "unauthorised": Shown("connections were refused for want of a valid token or certificate", WHO, INSISTENT),
+    "another-vendor": Shown("connections were refused that spoke for another vendor", WHO, INSISTENT),
+    "tls-failed": Shown("connections of robots failed in the TLS handshake", WHO, INSISTENT),
+    "another-site": Shown("connections of pages of other sites were refused", WHO),
+    "replaced": Shown(
         "connections of robots were closed for newer ones",
         "a sender has more than receiver.max_connections_per_peer, or all places are taken",
     ),
-    "vendor-removed": Said("connections of vendors were closed that the site file no longer has", WHO),
-    "protocol-error": Said("connections of robots were closed after what is no WebSocket", WHO),
-    "unread": Said("connections of robots were closed because they read nothing", WHO),
-    "idle": Unsaid("robots that have nothing to say, or have left"),
-    "face-idle": Unsaid("browsers and clients keep connections open that they no longer use"),
-    "face-full": Said(
+    "vendor-removed": Shown("connections of vendors were closed that the site file no longer has", WHO),
+    "protocol-error": Shown("connections of robots were closed after what is no WebSocket", WHO),
+    "unread": Shown("connections of robots were closed because they read nothing", WHO),
+    "idle": LeftOut("robots that have nothing to say, or have left"),
+    "face-idle": LeftOut("browsers and clients keep connections open that they no longer use"),
+    "face-full": Shown(
         "connections to the operators' port were refused, too many were in their handshake", "see who connects"
     ),
-    "face-replaced": Said("connections to the operators' port were closed for newer ones", "see who holds so many"),
-    "face-unread": Said("connections to the operators' port were closed that read nothing", "see who connects"),
-    "face-flood": Said("subscribers were cut off that sent too much", "see who connects"),
-    "face-tls-failed": Said("connections to the operators' port failed in the TLS handshake", "see who connects"),
+    "face-replaced": Shown("connections to the operators' port were closed for newer ones", "see who holds so many"),
+    "face-unread": Shown("connections to the operators' port were closed that read nothing", "see who connects"),
+    "face-flood": Shown("subscribers were cut off that sent too much", "see who connects"),
+    "face-tls-failed": Shown("connections to the operators' port failed in the TLS handshake", "see who connects"),
 }
 _AGAIN = "it is tried again; `files` or the log says why"
 
 RULES: dict[str, Rule | Mapping[str, Rule]] = {
     "deconflict_connections_refused_total": _CONNECTIONS,
-    "deconflict_messages_shed_total": Said(
+    "deconflict_messages_shed_total": Shown(
         "messages were not read, because their vendor sends too many",
         "newer ones of these robots were; have it send fewer, or raise receiver.max_messages_per_s and max_bytes_per_s",
     ),
-    "deconflict_rejections_total": Said("messages were rejected", "GET /quarantine says why, and what to change"),
-    "deconflict_messages_total": Unsaid("`deconflict_rejections_total` counts those that are refused"),
-    "deconflict_rejected_cut_total": Said(
+    "deconflict_rejections_total": Shown("messages were rejected", "GET /quarantine says why, and what to change"),
+    "deconflict_messages_total": LeftOut("`deconflict_rejections_total` counts those that are refused"),
+    "deconflict_rejected_cut_total": Shown(
         "rejected messages were recorded in part or not", "GET /quarantine says who sends so many, and why"
     ),
-    "deconflict_recorded_lines_dropped_total": Said(
+    "deconflict_recorded_lines_dropped_total": Shown(
         "lines were not recorded, because the disk failed or was too slow",
         "free space or mend the disk of log/; replays and black boxes lack these lines",
         1,
     ),
-    "deconflict_broker_failures_total": Said(
+    "deconflict_broker_failures_total": Shown(
         "connections to a broker of robots failed or were lost",
         "see the broker, its address and its password",
         REPEATED,
     ),
-    "deconflict_outlet_failures_total": Said(
+    "deconflict_outlet_failures_total": Shown(
         "deliveries to an outlet failed",
         "they wait and are tried again; see whether it is up, and the log for its answer",
         REPEATED,
     ),
-    "deconflict_stream_dropped_total": Said(
+    "deconflict_stream_dropped_total": Shown(
         "subscribers of the stream were cut off because they stopped reading",
         "they continue where they were, once they read",
     ),
-    "deconflict_losses_dropped_total": Said(
+    "deconflict_losses_dropped_total": Shown(
         "losses are missing in the ledger", "`files` or the log says why losses.db takes none", 1
     ),
     "deconflict_blackboxes_total": {
-        "failed": Said("near misses have no black box, after an error", "the log says why", 1),
-        "beyond": Said(
+        "failed": Shown("near misses have no black box, after an error", "the log says why", 1),
+        "beyond": Shown(
             "near misses have no black box: too many of these vendors came at once",
             "see GET /situations for what goes on",
         ),
         "kept": _other("black boxes that were kept"),
         "unfounded": _other("near misses that reports do not show"),
     },
-    "deconflict_situation_failures_total": Said(
+    "deconflict_situation_failures_total": Shown(
         "times situations could not be made", "they began anew; report the error in the log", 1
     ),
-    "deconflict_advice_failures_total": Said("requests for advice ended in an error", "report the error in the log", 1),
-    "deconflict_advice_late_total": Said(
+    "deconflict_advice_failures_total": Shown(
+        "requests for advice ended in an error", "report the error in the log", 1
+    ),
+    "deconflict_advice_late_total": Shown(
         "pieces of advice came too late to be given", "the engine has too little processor time if there are many"
     ),
     "deconflict_invalid_forecasts_total": {
-        "floor-not-listed": Said("forecasts were lost without their floor", "start all processes from one release", 1),
-        "": Said("forecasts could not be used", "their robots count as standing; report which robots send them"),
+        "floor-not-listed": Shown("forecasts were lost without their floor", "start all processes from one release", 1),
+        "": Shown("forecasts could not be used", "their robots count as standing; report which robots send them"),
     },
     "deconflict_advisories_pruned_total": {
-        "size": Said(
+        "size": Shown(
             "cleared advisories were removed before store.keep_days", "raise store.advisories_bytes if you need them"
         ),
         "age": _other("advisories that are as old as store.keep_days says"),
     },
-    "deconflict_owners_failures_total": Said("attempts to read or write owners.json failed", _AGAIN, 1),
-    "deconflict_kept_messages_failures_total": Said("attempts to read or write robots.db failed", _AGAIN, 1),
-    "deconflict_learning_failures_total": Said("attempts to read or write learned.npz failed", _AGAIN, 1),
-    "deconflict_learned_parts_set_aside_total": Said(
+    "deconflict_owners_failures_total": Shown("attempts to read or write owners.json failed", _AGAIN, 1),
+    "deconflict_kept_messages_failures_total": Shown("attempts to read or write robots.db failed", _AGAIN, 1),
+    "deconflict_learning_failures_total": Shown("attempts to read or write learned.npz failed", _AGAIN, 1),
+    "deconflict_learned_parts_set_aside_total": Shown(
         "parts of what was learned were set aside", "they are learned anew; the log says why"
     ),
-    "deconflict_owners_forgotten_total": Said(
+    "deconflict_owners_forgotten_total": Shown(
         "robots were forgotten by the register of owners", "their vendor has too many: does it make up identities?"
     ),
-    "deconflict_usual_places_dropped_total": Said(
+    "deconflict_usual_places_dropped_total": Shown(
         "places were forgotten whose usual waits were known", "there are too many places; they are learned anew"
     ),
     "deconflict_advisories_set_aside_total": _part("delivery"),
@@ -197,7 +199,7 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
     "deconflict_outlet_deliveries_total": _other("deliveries"),
 }
 """By counter. Where reasons differ in their weight, by the first label; `""` is any other."""
-OTHERWISE = Said("more were refused for another reason", "the log says why")
+OTHERWISE = Shown("more were refused for another reason", "the log says why")
 """Of a reason that its counter does not have here."""
 
 
@@ -227,7 +229,7 @@ class RefusalHealth:
 
     def note_measures(self, role: str, documents: Sequence[dict[str, Any]], now_s: float) -> None:
         """Take in the measures of a role. One that has fallen began anew, or a machine has left: it is no rise."""
-        new = _said_values(documents)
+        new = _shown_values(documents)
         known = self._known.get(role, {} if self._since_start else new)
         self._known[role] = new
         for series, value in new.items():
@@ -257,31 +259,31 @@ class RefusalHealth:
 def rule_of(name: str, label: str) -> Rule:
     """Of a counter, and of its first label if its rule depends on it."""
     rule = RULES[name]
-    return rule if isinstance(rule, Said | Unsaid) else rule.get(label) or rule.get("", OTHERWISE)
+    return rule if isinstance(rule, Shown | LeftOut) else rule.get(label) or rule.get("", OTHERWISE)
 
 
-def _said_values(documents: Sequence[dict[str, Any]]) -> dict[Series, float]:
+def _shown_values(documents: Sequence[dict[str, Any]]) -> dict[Series, float]:
     values: dict[Series, float] = defaultdict(float)
     for name, series in joined_values(documents).items():
         for labels, value in series.items() if name in RULES else ():
             label = labels[0] if labels else ""
-            if isinstance(rule_of(name, label), Said):
+            if isinstance(rule_of(name, label), Shown):
                 values[name, label] += value
     return values
 
 
-def _by_rule(sums: Mapping[Series, Rises]) -> dict[Said, dict[str, Rises]]:
+def _by_rule(sums: Mapping[Series, Rises]) -> dict[Shown, dict[str, Rises]]:
     """By rule, what has risen; by first label, unless the rule is of this label only."""
-    by_rule: dict[Said, dict[str, Rises]] = {}
+    by_rule: dict[Shown, dict[str, Rises]] = {}
     for (name, label), rises in sums.items():
         rule = rule_of(name, label)
-        if isinstance(rule, Said):
+        if isinstance(rule, Shown):
             is_of_label = isinstance(RULES[name], Mapping) and label in RULES[name]
             by_rule.setdefault(rule, {})["" if is_of_label else label] = rises
     return by_rule
 
 
-def _sentence(rule: Said, rises: Mapping[str, Rises], now_s: float) -> str:
+def _sentence(rule: Shown, rises: Mapping[str, Rises], now_s: float) -> str:
     most = sorted(filter(None, rises), key=lambda label: -rises[label].by)[:MOST_NAMED]
     named = f" ({', '.join(f'{label}: {rises[label].by:.0f}' for label in most)})" if most else ""
     ago_s = max(now_s - max(each.last_s for each in rises.values()), 0.0)

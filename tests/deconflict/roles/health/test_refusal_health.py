@@ -16,9 +16,9 @@ from deconflict.roles.health.refusal_health import (
     RULES,
     SHOWN_S,
     STEP_S,
+    LeftOut,
     RefusalHealth,
-    Said,
-    Unsaid,
+    Shown,
     rule_of,
 )
 from deconflict_client.answers.health_models import ServiceHealth
@@ -34,7 +34,7 @@ REFUSED, SHED, DROPPED = (
 CASES = [
     (name, label)
     for name, rule in RULES.items()
-    for label in (["acme"] if isinstance(rule, Said | Unsaid) else [*rule, "a-reason-of-a-later-release"])
+    for label in (["acme"] if isinstance(rule, Shown | LeftOut) else [*rule, "a-reason-of-a-later-release"])
 ]
 
 
@@ -53,12 +53,12 @@ def health_with(name: str, *labels: str, by: float = 1) -> dict[str, Any]:
 def test_every_counter_of_the_catalogue_is_said_in_health_or_says_why_not() -> None:
     assert sorted(RULES) == sorted(COUNTERS), "say in RULES how health says a new counter, or why it does not"
     rules = [rule_of(name, label) for name, label in CASES]
-    assert all(rule.why for rule in rules if isinstance(rule, Unsaid))
-    assert all(rule.words and rule.remedy for rule in rules if isinstance(rule, Said))
+    assert all(rule.why for rule in rules if isinstance(rule, LeftOut))
+    assert all(rule.words and rule.remedy for rule in rules if isinstance(rule, Shown))
 
 
 def test_a_counter_that_another_part_of_health_says_names_a_part() -> None:
-    parts = {rule.why.split("`")[1] for rule in RULES.values() if isinstance(rule, Unsaid) and "in health" in rule.why}
+    parts = {rule.why.split("`")[1] for rule in RULES.values() if isinstance(rule, LeftOut) and "in health" in rule.why}
     assert parts
     assert parts <= ServiceHealth.model_fields.keys()
 
@@ -69,7 +69,7 @@ def test_each_counter_that_rises_is_said_with_what_to_do(name: str, label: str) 
     labels = [label or "another", *CATALOGUE[name].labels[1:]] if CATALOGUE[name].labels else []
     document = health_with(name, *labels, by=1e6)
     text = json.dumps(document)
-    if isinstance(rule, Unsaid):
+    if isinstance(rule, LeftOut):
         assert document == {"status": "ok", "notes": []}
     else:
         assert all(words in text for words in (rule.words, rule.remedy, "1000000"))
