@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from ingest.fleet.recovery import kept_rows
 from ingest.recording import clock_notes
 from ingest.recording.file_faults import FileKind, file_fault
 from ingest.recording.log_segments import PACKED
-from ingest.recording.replaced_file import new_name
+from ingest.recording.replaced_file import ASIDE, new_name
 
 LOOK_EVERY_S = 2.0
 SILENT_S = 8.0
@@ -65,6 +66,10 @@ class FileHealth:
         """As of `_content`, of the files that were there at the last look."""
         self._removed_s: dict[str, float] = {}
         """By name, when a file was seen to be removed, and was last missing."""
+        self._asides: dict[Path, int | None] = {}
+        """By file, the inode of what the service set aside of it, as the last look began; None if there is nothing."""
+        self._set_aside: set[str] = set()
+        """Names of files that the service itself has taken away."""
         self._databases = LostDatabases()
         self._looked_s = time.monotonic()
 
@@ -76,6 +81,7 @@ class FileHealth:
 
     def look(self, now_s: float) -> None:
         """Look at each file. May wait for the disk."""
+        asides, self._asides = self._asides, {path: _inode(_aside(path)) for path, _ in self._files}
         self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
         found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
         missing = {path.name for path, _ in self._files if path not in found and path.name not in MADE_AT_NEED}
@@ -84,6 +90,7 @@ class FileHealth:
             if path not in found or (before and not before & found[path]):
                 removed_s[path.name] = now_s
                 self._databases.lost(path)
+                self._note_removed(path.name, asides[path], _inode(_aside(path)))
         found_again = {path.name for path in self._databases.found_again()}
         self._removed_s = {name: at_s for name, at_s in removed_s.items() if name not in found_again}
         self._databases.hold(path for path, kind in self._files if kind is FileKind.DATABASE and path in found)
@@ -92,7 +99,7 @@ class FileHealth:
     def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:
         """The part `files` of the health. `outages` has by name why a file is not in use, as who uses it knows."""
         faults = {
-            name: f"it was removed or replaced, and is {self._since(name, removed_s, now_s)}"
+            name: f"{self._lost_by(name)}, and is {self._since(name, removed_s, now_s)}"
             for name, removed_s in self._removed_s.items()
             if now_s - removed_s < REMOVED_SHOWN_S
         }
@@ -104,6 +111,16 @@ class FileHealth:
         reason = "; ".join(f"{name}: {fault}" for name, fault in faults.items())
         return {"status": "degraded", "reason": reason, "faults": faults}
 
+    def _note_removed(self, name: str, aside_before: int | None, aside: int | None) -> None:
+        self._set_aside.discard(name)
+        if aside is not None and aside != aside_before:
+            self._set_aside.add(name)
+
+    def _lost_by(self, name: str) -> str:
+        if name in self._set_aside:
+            return f"the service could not use it and set it aside as {name}{ASIDE}"
+        return "it was removed or replaced"
+
     def _since(self, name: str, removed_s: float, now_s: float) -> str:
         """What has become of a removed file."""
         if name in {path.name for path in self._contents}:
@@ -112,6 +129,16 @@ class FileHealth:
             now = "not there yet"
         epoch = NEW_EPOCH if name == sqlite_connections.FILE_NAME and self._gives_numbers else ""
         return now + ("" if name in FROM_MEMORY else LOST) + epoch
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(path.name + ASIDE)
+
+
+def _inode(path: Path) -> int | None:
+    with suppress(OSError):
+        return path.stat().st_ino
+    return None
 
 
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from math import pi
 from os import devnull
 from pathlib import Path
@@ -30,6 +30,24 @@ from tests.helpers.saying import HALL, identity, points, status
 Course = Callable[[float], tuple[float, float, float]]
 MEETING: dict[str, Course] = {"A-1": lambda t: (-30.0 + t, 0.0, 0.0), "B-1": lambda t: (30.0 - t, 0.0, pi)}
 """Head-on after thirty seconds."""
+
+
+async def answered(
+    client: httpx.AsyncClient, url: str, wanted: Callable[[httpx.Response], bool], within_s: float = PATIENCE_S
+) -> httpx.Response:
+    """The answer once it is as wanted. Otherwise the error has the last answer, which says why it never was."""
+    last = "nobody answered"
+    try:
+        async with asyncio.timeout(within_s):
+            while True:
+                with suppress(httpx.TransportError, json.JSONDecodeError):
+                    answer = await client.get(url)
+                    last = answer.text
+                    if wanted(answer):
+                        return answer
+                await asyncio.sleep(0.1)
+    except TimeoutError:
+        raise AssertionError(f"{url} was not as wanted within {within_s:.0f} s, but: {last}") from None
 
 
 def free_ports(count: int) -> list[int]:
@@ -80,15 +98,10 @@ class Served:
 
     async def until(self, path: str, wanted: Any, within_s: float = PATIENCE_S) -> Any:
         """The JSON at `path` once it is as wanted, whatever the status."""
-        async with http_client() as client, asyncio.timeout(within_s):
-            while True:
-                try:
-                    answer = (await client.get(f"http://127.0.0.1:{self.operator_port}{path}")).json()
-                    if wanted(answer):
-                        return answer
-                except (httpx.TransportError, json.JSONDecodeError):
-                    pass
-                await asyncio.sleep(0.1)
+        async with http_client() as client:
+            return (
+                await answered(client, f"{self.face_url}{path}", lambda answer: wanted(answer.json()), within_s)
+            ).json()
 
     @asynccontextmanager
     async def with_robots(self, start_s: float) -> AsyncIterator[None]:
@@ -132,12 +145,11 @@ class Running:
 
     async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
         """The answer at `path` once it is as wanted."""
-        async with asyncio.timeout(PATIENCE_S):
-            while True:
-                answer = await self.get(path)
-                if answer.status_code == 200 and wanted(answer.json()):
-                    return answer.json()
-                await asyncio.sleep(0.05)
+        async with http_client() as client:
+            url = f"http://{self.face}{path}"
+            return (
+                await answered(client, url, lambda answer: answer.status_code == 200 and wanted(answer.json()))
+            ).json()
 
     async def metrics_with(self, name: str) -> str:
         """The scrape once it has a series that begins so."""

@@ -9,6 +9,7 @@ import shutil
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractContextManager, asynccontextmanager, closing
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,9 @@ from deconflict.roles import operator_sources
 from deconflict.roles.health import file_health, refusal_health
 from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
 from deconflict.runtime.data_lock import locked as locked_directory
-from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, drive, running
+from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, answered, drive, running
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
 Harm = Callable[[Path], AbstractContextManager[None]]
@@ -106,9 +108,12 @@ async def driving(service: Running, courses: dict[str, Course]) -> AsyncIterator
 
 
 async def sick(service: Running, words: str) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while words not in (answer := await service.get("/healthz")).text or answer.status_code != 503:
-            await asyncio.sleep(0.1)
+    async with http_client() as client:
+        await answered(
+            client,
+            f"http://{service.face}/healthz",
+            lambda answer: words in answer.text and answer.status_code == HTTPStatus.SERVICE_UNAVAILABLE,
+        )
 
 
 def numbers(directory: Path, advisory_id: str = "") -> list[int]:
@@ -164,10 +169,13 @@ async def test_a_service_starts_and_warns_without_its_disk_and_uses_it_later(dis
 
 
 @pytest.mark.parametrize("file", ["advisories.db", "losses.db", "robots.db", "log"])
-async def test_a_service_goes_on_without_a_file_that_is_removed_while_it_runs(data: Path, file: str) -> None:
+async def test_a_service_goes_on_without_a_file_that_is_removed_while_it_runs(
+    data: Path, file: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async with running(data) as service:
         await service.until("/healthz", lambda health: health["status"] == "ok")
-        with missing(data / file):
+        with missing(data / file), monkeypatch.context() as until_seen:
+            until_seen.setattr(file_health, "REMOVED_SHOWN_S", PATIENCE_S)
             await sick(service, "removed")
             first = await raised(service, OTHERS)
         await service.until("/healthz", lambda health: health["status"] == "ok")

@@ -10,6 +10,7 @@ from deconflict.operator.blackbox.archive import FOLDER
 from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.roles.health.file_health import REMOVED_SHOWN_S, SILENT_S, FileHealth, data_files
 from deconflict.settings.site import BlackBox, Site
+from ingest.recording.replaced_file import set_file_aside
 
 
 @pytest.fixture
@@ -53,6 +54,24 @@ def test_a_file_that_stays_away_is_said_all_the_time_and_then_that_it_is_written
     assert "is written anew since 20 s" in health.document(now_s + 20.0)["faults"][file]
     health._looked_s = now_s + REMOVED_SHOWN_S
     assert health.document(now_s + REMOVED_SHOWN_S) == {"status": "ok"}
+
+
+def test_a_file_that_the_service_set_aside_is_not_called_removed(data: Path) -> None:
+    health, aside = FileHealth(data_files(Site(), data)), data / "learned.npz.unreadable"
+    aside.touch()
+    for words in ("set it aside as learned.npz.unreadable", "removed or replaced"):
+        (data / "learned.npz").touch()
+        health.look(0.0)
+        if words.startswith("set"):
+            aside.unlink()
+            (data / "other").touch()  # so that the next file gets another inode
+            set_file_aside(data / "learned.npz")
+        else:
+            (data / "learned.npz").unlink()
+            health._removed_s.clear()
+        health.look(1.0)
+        health._looked_s = 1.0
+        assert words in health.document(1.0)["faults"]["learned.npz"]
 
 
 def test_a_folder_that_is_made_at_need_is_no_fault_for_ever(data: Path) -> None:
