@@ -3,7 +3,7 @@
     no advisory --(alerting in M of N looks, or alerting and urgent or evident)--> raised
     raised, updated --(severity, probability, time, place or depth changed enough)--> updated
     raised, updated --(a robot fell silent; new advice)--> updated
-    raised, updated --(unlikely for a while and drawn apart; both still; a robot left)--> cleared
+    raised, updated --(unlikely for a while and drawn apart; over unseen; both still; a robot left)--> cleared
 
 A look is a pass in which either robot has a new forecast, so a repeated forecast confirms nothing. An encounter lasts
 until the pair has drawn apart by the clearance and a margin: a pair that begins within the clearance alerts only if
@@ -19,7 +19,7 @@ These files take part, in this order:
 3. `words.conflict_wording` fills the fields and writes the text.
 """
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from math import inf
 from operator import attrgetter
@@ -30,6 +30,7 @@ from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
+from deconflict.advisories.watched.unseen_ends import UnseenEnds, cleared_as_apart
 from deconflict.advisories.watched.watched_pair_kernels import (
     CLEAR_STILL,
     MAY_CLEAR,
@@ -39,7 +40,6 @@ from deconflict.advisories.watched.watched_pair_kernels import (
 )
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisories.words import conflict_wording
-from deconflict.advisories.words.conflict_wording import GONE
 from deconflict.advisories.words.words import Spot
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
@@ -57,6 +57,7 @@ class ConflictLifecycle:
     ordinals: dict[Pair, int] = field(default_factory=dict)
     """How many encounters each pair has had."""
     pairs: WatchedPairs = field(init=False)
+    _unseen: UnseenEnds = field(init=False)
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
     """The newest revision of each open advisory."""
     _changed: set[Pair] = field(default_factory=set)
@@ -67,6 +68,7 @@ class ConflictLifecycle:
 
     def __post_init__(self) -> None:
         self.pairs = WatchedPairs(self.settings)
+        self._unseen = UnseenEnds(self.pairs, self.settings)
 
     def take_changed(self) -> set[Pair]:
         """The pairs with a new revision since the last call; those that ended are in `advisories` no more."""
@@ -108,15 +110,16 @@ class ConflictLifecycle:
         updated: set[str],
         scene: ConflictScene,
         until_s: float = inf,
+        returned: Set[str] = frozenset(),
     ) -> list[ConflictAdvisory]:
         """The revisions of one pass, ordered by pair.
 
-        `updated` are the robots with a new forecast, and those that have left the floor. The pass looked no further
-        than `until_s`: an open advisory on a later conflict stands as it is.
+        `updated` are the robots with a new forecast, and those that have left, `returned` those that were not heard for
+        a while before. The pass looked no further than `until_s`: an open advisory on a later conflict stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        examination = self.pairs.examine(predictions, updated, now_s, scene.encounters)
-        revisions, candidates = [], []
+        revisions = [self._settled(*each) for each in self._unseen.ends(returned, predictions, now_s)]
+        examination, candidates = self.pairs.examine(predictions, updated, now_s, scene.encounters), []
         for found in examination.found:
             outcome = self._revise_predicted(found, now_s, scene)
             if isinstance(outcome, Candidate):
@@ -315,8 +318,7 @@ class ConflictLifecycle:
             return None
         if left:
             return advisory.cleared_revision(now_s, *_why_absent(advisory, left, scene))
-        has_met = self.pairs.have_met(watched)
-        return advisory.cleared_revision(now_s, ClearedCode.PASSED if has_met else ClearedCode.UNPREDICTED)
+        return cleared_as_apart(self.pairs, watched, advisory, now_s)
 
     def _is_awaited(self, advisory: ConflictAdvisory | None, now_s: float) -> bool:
         """Whether a restored advisory stands as it is until its robots are heard of."""
@@ -340,9 +342,7 @@ class ConflictLifecycle:
 
 
 def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> tuple[ClearedCode, str]:
-    """Which of an advisory's robots are not there, and why."""
-    names = dict(zip(advisory.robots, advisory.names, strict=True))
-    return conflict_wording.cleared_as_absent({names[uuid]: scene.absence(uuid) or GONE for uuid in absent})
+    return conflict_wording.cleared_as_absent(advisory, {uuid: scene.absence(uuid) for uuid in absent})
 
 
 def _is_later(advisory: ConflictAdvisory | None, until_s: float) -> bool:

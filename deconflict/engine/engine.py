@@ -217,7 +217,7 @@ class Engine:
         silent = self._update_presence(now_s)
         crowded, numbers = self._crowds.step(now_s), self._crowds.numbers
         self._sweep.sweeper.touch(crowded)
-        updated, self._updated = self._updated, set()
+        updated, self._updated, returned = self._updated, set(), self.presence.take_returned()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
         dormant = self._let_sleep(now_s)
         conflicts = self._sweep.find_conflicts(now_s, reach_s, COARSE_M if effort >= Effort.COARSE else ACCURACY_M)
@@ -225,7 +225,7 @@ class Engine:
         predictions = self._predictions(now_s, conflicts).until(now_s + reach_s)
         revisions: list[AnyAdvisory] = [*self._conflicts.dismiss(crowded, numbers, ClearedCode.CROWDED, now_s)]
         revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
-        revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s)
+        revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s, returned)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
         revisions += self._advice.add_holds(now_s, self._conflicts)
         revisions += self._shared.step(now_s, effort)

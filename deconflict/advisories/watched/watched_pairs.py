@@ -100,10 +100,10 @@ class WatchedPairs:
     def among(self, robots: Container[str], changed: Set[str]) -> list[WatchedPair]:
         """The watched pairs of two of `robots`, of which at least one is in `changed`."""
         return [
-            watched for watched in self._pairs_of(changed) if watched.pair[0] in robots and watched.pair[1] in robots
+            watched for watched in self.of_robots(changed) if watched.pair[0] in robots and watched.pair[1] in robots
         ]
 
-    def _pairs_of(self, robots: Set[str]) -> Iterable[WatchedPair]:
+    def of_robots(self, robots: Set[str]) -> Iterable[WatchedPair]:
         """The watched pairs of which at least one robot is in `robots`."""
         watched = (each for uuid in self._others.keys() & robots for each in self._others[uuid].values())
         return {each.pair: each for each in watched}.values()
@@ -201,7 +201,7 @@ class WatchedPairs:
         pairs = predictions.pairs
         self._make_room(len(pairs))
         self._drop_free_rows(len(self._row_of) + len(pairs))
-        self._pairs["updated"][[watched.row for watched in self._pairs_of(updated)]] = True
+        self._pairs["updated"][[watched.row for watched in self.of_robots(updated)]] = True
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
         chosen, codes, unpredicted, quiet_codes = examine_pairs(
             self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds

@@ -225,8 +225,10 @@ def with_actions(event: str, advice: Recommendation | None) -> str:
     return short_text("; ".join([event, *(actions or filter(None, [advice.note]))]), MOST_SUMMARY_BYTES)
 
 
-def cleared_as_absent(absences: Mapping[str, Absence]) -> tuple[ClearedCode, str]:
-    """Why an advisory is cleared, whose robots of these names are not there; the code is that of the first."""
+def cleared_as_absent(advisory: ConflictAdvisory, absent: Mapping[str, Absence | None]) -> tuple[ClearedCode, str]:
+    """Why an advisory is cleared of which these robots are not there; the code is that of the first."""
+    names = dict(zip(advisory.robots, advisory.names, strict=True))
+    absences = {names[uuid]: absence or GONE for uuid, absence in absent.items()}
     if set(absences.values()) == {GONE}:
         absences = {" and ".join(absences): GONE}
     texts = [code.because.format(name=name, by=by) for name, (code, by) in absences.items()]

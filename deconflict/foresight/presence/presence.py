@@ -68,6 +68,8 @@ class Presence:
         self.passed: set[str] = set()
         """Silent robots through which another robot drove, according to the last batch: through the outline at their
         last reported place, or at their believed place."""
+        self._returned: set[str] = set()
+        """Robots that were new or silent before they reported, since the last `take_returned`."""
         self._silences, self._removed = LastingSilences(), RemovedRobots()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
@@ -81,6 +83,7 @@ class Presence:
         removed because of this batch are in its `gone`."""
         batch = self._removed.without(batch)
         legs, new = self._intervals.add_batch(batch)
+        self._returned.update(batch.robots[row] for row in legs.after_silence())
         self._connections.record(batch.vendors, batch.arrival_s.tolist())
         for row in [*self._back(batch, legs), *new]:
             self._connections.join(batch.robots[row], batch.vendors[row])
@@ -102,6 +105,11 @@ class Presence:
             if self._next_s.get(uuid) == due_s:
                 self._check_silent(uuid, self._silences.silences[uuid], self._live.robots[uuid], now_s)
         return self._silences.take_changes()
+
+    def take_returned(self) -> set[str]:
+        """The robots that were new or silent before they reported, since the last call."""
+        returned, self._returned = self._returned, set()
+        return returned
 
     def there(self, uuid: str) -> float:
         """The probability that a robot is still present, as of the last step; 1 for a robot that is heard."""

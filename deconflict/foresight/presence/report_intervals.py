@@ -1,6 +1,7 @@
 """When each robot was last heard, how often it usually reports, and how it moved between its last two reports."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import inf
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -70,6 +71,12 @@ class Legs(NamedTuple):
     """(n, 2) heading."""
     floor: Ints
     """(n, 2) index of the floor."""
+
+    def after_silence(self) -> Iterator[int]:
+        """The rows of robots that were unknown, or silent before this report."""
+        for leg in np.flatnonzero(self.gap_s > GRACE_S).tolist():
+            if self.gap_s[leg] == inf or self.gap_s[leg] > grace_s(self.before[leg]):
+                yield int(self.rows[leg])
 
 
 @kernel(

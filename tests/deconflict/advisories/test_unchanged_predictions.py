@@ -37,6 +37,7 @@ class ThoroughLifecycle(ConflictLifecycle):
     """Weighs every prediction anew in each pass."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.pairs = EveryPair(self.settings)
 
 
