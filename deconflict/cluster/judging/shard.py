@@ -8,7 +8,7 @@ same advisory without publishing it, adopt the owner's revisions, and publish it
 The owner of the tile in which the first robot of a near miss last reported counts the near miss.
 """
 
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -75,6 +75,8 @@ class Shard:
         """Pairs with a revision of another shard since the last step."""
         self._wait_until_s: dict[Pair, float] = {}
         """Until when an advisory of this shard waits for reports of its robots."""
+        self._hears_less = False
+        """Whether robots may be left over from channels that it needs no more."""
         self._due: list[ShardRevision] = []
         """Revisions of advisories that came with a new tile, to publish at the next step."""
 
@@ -89,6 +91,7 @@ class Shard:
         self.area = Area(self._grid, tiles)
         self._own = {pair: revision for pair, revision in self._open.items() if revision.home in self.area}
         self._tile_channels = {GONE, *self._channels_of(self.area.roots_near(self._reach_m))}
+        self._forget_distant()
         for conflict in self.engine.conflicts():
             home, published = self._homes.get(conflict.id), self._revisions.get(conflict.id, 0)
             if home and home in self.area and conflict.revision > published:
@@ -129,6 +132,8 @@ class Shard:
 
     def step(self, now_s: float) -> list[ShardRevision]:
         """Run the engine. Returns the revisions that this shard publishes."""
+        if self._hears_less:
+            self._forget_distant()
         self._adopt_updates(now_s)
         due, self._due = self._due, []
         for revision in self.engine.step(now_s):
@@ -187,7 +192,7 @@ class Shard:
         self._homes.pop(advisory.id, None)
         if before and before.advisory.id == advisory.id:
             del self._open[pair]
-            self._own.pop(pair, None)
+            self._hears_less |= self._own.pop(pair, None) is not None
             self._wait_until_s.pop(pair, None)
             self._updated.discard(pair)
 
@@ -231,6 +236,25 @@ class Shard:
         involved = {uuid for revision in self._own.values() for uuid in revision.advisory.robots}
         near |= np.array([uuid in involved for uuid in part.robots], bool)
         return near
+
+    def _forget_distant(self) -> None:
+        """Forget the robots of which this shard hears no more, from tiles that it gave away or an advisory that ended.
+        They would count as silent, also once the tile is its own again."""
+        self._hears_less = False
+        rows = defaultdict[int, list[int]](list)
+        batches = {id(robot.batch): robot.batch for robot in self.engine.live.robots.values()}
+        for robot in self.engine.live.robots.values():
+            rows[id(robot.batch)].append(robot.row)
+        near = set[str]()
+        for number, batch in batches.items():
+            chosen = np.array(rows[number])
+            near.update(batch.robots[row] for row in chosen[self._is_near(batch, chosen)].tolist())
+        distant = tuple(self.engine.live.robots.keys() - near)
+        if distant:
+            nobody = next(iter(batches.values())).take(np.zeros(0, np.int64), distant)
+            self.engine.receive(nobody)
+            for uuid in distant:
+                self._arrived_s.pop(uuid, None)
 
     def _is_forgotten(self, uuid: str, now_s: float) -> bool:
         """Whether a robot that one ingest has forgotten has reported to no other since."""
