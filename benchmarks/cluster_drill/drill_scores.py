@@ -1,10 +1,9 @@
 """How many meetings of a phase were warned of, and by which faces."""
 
 import asyncio
-import os
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +16,27 @@ GRACE_S = 8.0
 ALIKE_WITHIN_S = 30.0
 """What was decided last is at every face."""
 HEADINGS = (
-    "phase", "meetings", "not 2 s ahead at face 1", "2", "3", "late everywhere", "unwarned everywhere",
-    "of these apart", "joined", "broken bounds", "health", "load",
+    "phase", "meetings", "missed at face 1", "2", "3", "late everywhere", "unwarned everywhere", "whose", "joined",
+    "doubled", "charged", "health", "load",
 )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PassedPhase:
+    """When a phase began, was mended, and ended."""
+
+    phase: DrillPhase
+    stopped_faces: frozenset[int]
+    began_s: float
+    mended_s: float
+    ended_s: float
+    load: float
+    """Of this machine, at the end."""
+
+    def spares(self, pair: CrossingPair, meeting_s: float) -> bool:
+        """Whether nobody could warn of a meeting."""
+        is_apart = pair.kind != "at one machine"
+        return meeting_s < self.mended_s + GRACE_S and (self.phase.spares_all or (self.phase.spares_apart and is_apart))
 
 
 @dataclass(frozen=True)
@@ -27,58 +44,75 @@ class PhaseScore:
     phase: str
     meetings: int
     missed_at: list[int]
-    """At each face, the meetings that were not warned of `AHEAD_S` before."""
+    """At each face, the meetings that it was not warned of `AHEAD_S` before, also while it was stopped."""
     late: int
-    """Warned of at some face, and at none `AHEAD_S` before."""
+    """Some face was warned, and none of them `AHEAD_S` before."""
     unwarned: int
-    """At no face."""
-    apart: int
-    """Of those that are late or unwarned: the two robots of the pair report to two machines."""
+    """No face was warned."""
+    whose: dict[str, int]
+    """Of which kinds of pairs the late and unwarned ones are."""
     joined: int
     """With the advisory of the meeting before."""
+    doubled: int
+    """With a second advisory."""
+    charged: int
+    """Missed by a face that runs, although it could be warned."""
     health: dict[str, int]
-    """How often the faces said what of themselves."""
+    """How often the faces gave which status."""
     load: float
-    broken: list[str]
+
+    def broken(self) -> Iterator[str]:
+        """A sentence for each bound that is broken."""
+        if self.charged:
+            yield f"{self.phase}: {self.charged} of {self.meetings} meetings were not warned of in time"
+        if self.joined:
+            yield f"{self.phase}: {self.joined} meetings have the advisory of the one before"
+        if self.doubled:
+            yield f"{self.phase}: {self.doubled} meetings have a second advisory"
+
+    def cells(self) -> tuple[Any, ...]:
+        """A row of the table."""
+        return (
+            self.phase, self.meetings, *self.missed_at, self.late, self.unwarned, _counts(self.whose), self.joined,
+            self.doubled, self.charged, _counts(self.health), self.load,
+        )  # fmt: skip
 
 
-def cells(score: PhaseScore) -> tuple[Any, ...]:
-    """A row of the table."""
-    health = ", ".join(f"{said} {count}" for said, count in sorted(score.health.items()))
-    return (
-        score.phase, score.meetings, *score.missed_at, score.late, score.unwarned, score.apart, score.joined,
-        len(score.broken), health, score.load,
-    )  # fmt: skip
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in sorted(counts.items()))
 
 
 def score(
-    phase: DrillPhase,
-    pairs: Sequence[CrossingPair],
-    faces: Sequence[WatchedFace],
-    start_s: float,
-    began_s: float,
-    repaired_s: float,
-    ended_s: float,
+    passed: PassedPhase, pairs: Sequence[CrossingPair], faces: Sequence[WatchedFace], start_s: float
 ) -> PhaseScore:
-    """The figures of a phase between two times."""
-    missed_at, late, unwarned, apart, joined, charged = [0] * len(faces), 0, 0, 0, 0, 0
+    """The figures of a phase."""
+    began_s, ended_s = passed.began_s, passed.ended_s
+    missed_at, counts, whose = [0] * len(faces), Counter[str](), Counter[str]()
     meetings = [(p, start_s + t_s) for p in pairs for t_s in p.meetings_s(began_s - start_s, ended_s - start_s)]
     for pair, at_s in meetings:
         warned_s = [face.warned_s(pair.uuids, at_s) for face in faces]
         is_missed = [seconds is None or seconds < AHEAD_S for seconds in warned_s]
         missed_at = [count + missed for count, missed in zip(missed_at, is_missed, strict=True)]
-        joined += any(face.ids(pair.uuids, at_s) & face.ids(pair.uuids, at_s - GAP_S) for face in faces)
         if all(is_missed):
-            is_apart = pair.machines[0] != pair.machines[1]
-            is_spared = at_s < repaired_s + GRACE_S and (phase.spares_all or (phase.spares_apart and is_apart))
-            is_unwarned = all(seconds is None for seconds in warned_s)
-            unwarned, late = unwarned + is_unwarned, late + (not is_unwarned)
-            apart, charged = apart + is_apart, charged + (not is_spared)
-    broken = [f"{charged} of {len(meetings)} meetings were warned of too late, or not"] if charged else []
-    broken += [f"{joined} meetings have the advisory of the one before"] if joined else []
-    looks = Counter(said for face in faces for at_s, said in face.health if began_s <= at_s < ended_s)
-    load = round(os.getloadavg()[0], 1)
-    return PhaseScore(phase.name, len(meetings), missed_at, late, unwarned, apart, joined, dict(looks), load, broken)
+            whose[pair.kind] += 1
+            counts["unwarned" if all(seconds is None for seconds in warned_s) else "late"] += 1
+        running = [missed for face, missed in enumerate(is_missed, 1) if face not in passed.stopped_faces]
+        is_told_too_little = all(running) if passed.phase.spares_apart else any(running)
+        counts["charged"] += is_told_too_little and not passed.spares(pair, at_s)
+        ids = [(face.ids(pair.uuids, at_s), face.ids(pair.uuids, at_s - GAP_S)) for face in faces]
+        counts["joined"] += any(these & those for these, those in ids)
+        counts["doubled"] += any(len(these) > 1 for these, _ in ids)
+    looks = Counter(status for face in faces for at_s, status in face.health if began_s <= at_s < ended_s)
+    figures = {name: counts[name] for name in ("late", "unwarned", "joined", "doubled", "charged")}
+    return PhaseScore(
+        phase=passed.phase.name,
+        meetings=len(meetings),
+        missed_at=missed_at,
+        whose=dict(whose),
+        health=dict(looks),
+        load=passed.load,
+        **figures,
+    )
 
 
 async def differences(faces: Sequence[WatchedFace]) -> int:

@@ -63,12 +63,13 @@ class DrilledMachines:
     def nats_address(self, server: int) -> str:
         return f"tls://{HOST}:{self._nats_ports[server]}"
 
-    def start_all(self) -> None:
+    def site_file(self, machine: int) -> Path:
+        return self._folder / f"machine-{machine}" / "site.toml"
+
+    def start_servers(self) -> None:
         self.start_broker()
         for server in MACHINES:
             self.start_nats(server)
-        for machine in MACHINES:
-            self.start_machine(machine)
 
     def start_broker(self) -> None:
         self._start("broker", [program("mosquitto"), "-c", str(self._folder / "mosquitto.conf")], {})

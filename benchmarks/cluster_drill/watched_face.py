@@ -40,11 +40,11 @@ class WatchedFace:
         self._seen: dict[tuple[str, int], str] = {}
         self._after: int | None = None
         self.doubled: list[str] = []
-        """Revisions that came twice with another content, and those of which one is missing before."""
+        """Revisions that came twice with another content."""
         self.lost_positions = 0
         """How often it was told to read again what is open."""
         self.health: list[tuple[float, str]] = []
-        """When it was looked at, and what it said: its status, or "-" if it did not answer."""
+        """When it was looked at, and its status; or "-" if it did not answer."""
 
     async def run(self) -> None:
         await asyncio.gather(self._follow(), self._look())
@@ -108,10 +108,10 @@ class WatchedFace:
     async def _look(self) -> None:
         async with self._http() as client:
             while True:
-                said = "-"
+                status = "-"
                 with suppress(httpx.HTTPError, ValueError, KeyError):
-                    said = (await client.get("/healthz")).json()["status"]
-                self.health.append((time.time(), said))
+                    status = (await client.get("/healthz")).json()["status"]
+                self.health.append((time.time(), status))
                 await asyncio.sleep(LOOK_S)
 
     def _http(self) -> httpx.AsyncClient:
