@@ -114,7 +114,7 @@ PHASES = {
         DrillPhase("engine", no_engine, 10.0),
         DrillPhase("judge", no_judge, 10.0),
         DrillPhase("face", no_face, 10.0),
-        DrillPhase("nats-server", no_leader, 15.0),
+        DrillPhase("nats-server", no_leader, 25.0),
         DrillPhase("machine", no_machine, 15.0, 40.0),
         DrillPhase("nats-gone", no_nats, 15.0, 40.0, spares_apart=True),
         DrillPhase("engines-gone", no_engines, 7.0, spares_all=True),
