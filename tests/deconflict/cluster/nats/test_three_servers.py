@@ -10,6 +10,7 @@ import pytest
 from benchmarks.cluster_drill.drilled_machines import MACHINES, TOKENS, DrilledMachines
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import open_bus
+from deconflict.cluster.nats.shared_state import LEASE_S
 from deconflict.settings.cluster_settings import Cluster
 from tests.deconflict.cluster.made_cluster import needs_server
 from tests.helpers.patience import PATIENCE_S
@@ -50,11 +51,18 @@ async def test_another_number_of_copies_holds_for_what_exists(servers: DrilledMa
                 await asyncio.sleep(0.2)
 
 
-async def test_three_copies_survive_the_loss_of_a_server(servers: DrilledMachines) -> None:
-    async with member(servers, 3) as bus:
-        await bus.state.keep("state", b"before")
-        servers.kill_nats(1)
-    async with member(servers, 3) as bus, asyncio.timeout(PATIENCE_S):
-        assert await bus.state.kept("state") == b"before"
-        await bus.state.keep("state", b"after")
-        assert await bus.state.kept("state") == b"after"
+async def test_a_server_that_serves_a_subscription_is_missed_before_members_are_given_up(
+    servers: DrilledMachines,
+) -> None:
+    """The client begins anew after at most four times without a sign of life."""
+    async with member(servers, 1) as bus:
+        await bus.follow_channel("x", lambda _: None)
+        names = [info.config.name for info in await bus.connection.js.streams_info()]
+        heartbeats_s = {
+            consumer.config.idle_heartbeat
+            for name in names
+            if name
+            for consumer in await bus.connection.js.consumers_info(name)
+        }
+    assert len(heartbeats_s) == 1
+    assert 4 * (heartbeats_s.pop() or 0.0) <= LEASE_S
