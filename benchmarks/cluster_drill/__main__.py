@@ -47,7 +47,7 @@ async def drill(phases: Sequence[DrillPhase], pair_count: int, folder: Path) -> 
 async def _started(machines: DrilledMachines) -> AsyncIterator[ClusterView]:
     """All machines run until the block ends. They start one after another, so it is known whose engine is which."""
     os.environ.update(TOKENS)
-    view = ClusterView(machines.site_file(MACHINES[0]), machines.ca)
+    view = ClusterView(machines.site_file(MACHINES[0]), machines.nats_ca)
     try:
         machines.start_servers()
         async with asyncio.timeout(WHOLE_WITHIN_S):

@@ -51,7 +51,8 @@ class DrilledMachines:
             {machine: next(ports) for machine in MACHINES} for _ in range(4)
         )
         self.broker_port = next(ports)
-        self.ca = str(folder / "ca.pem")
+        self.ca, self.nats_ca = str(folder / "ca.pem"), str(folder / "nats-ca.pem")
+        """Authorities of the machines and the broker, and of the NATS servers."""
         self._write()
 
     def robots_address(self, machine: int) -> str:
@@ -143,22 +144,20 @@ class DrilledMachines:
 
     def _write(self) -> None:
         """The files of the documents, with this machine's addresses."""
-        authority = trustme.CA()
-        certificate = authority.issue_cert(HOST)
+        authority, nats_authority = trustme.CA(), trustme.CA()
         authority.cert_pem.write_to_path(self.ca)
+        nats_authority.cert_pem.write_to_path(self.nats_ca)
         for machine in MACHINES:
             nats, home = self._folder / f"nats-{machine}", self._folder / f"machine-{machine}"
-            for folder, name in ((nats, "server"), (home / "tls", "machine")):
-                folder.mkdir(parents=True)
-                authority.cert_pem.write_to_path(str(folder / "ca.pem"))
-                certificate.cert_chain_pems[0].write_to_path(str(folder / f"{name}.pem"))
-                certificate.private_key_pem.write_to_path(str(folder / f"{name}.key"))
+            _certify(nats_authority, nats, "server")
+            _certify(authority, home / "tls", "machine")
+            nats_authority.cert_pem.write_to_path(str(home / "tls" / "nats-ca.pem"))
             (nats / "nats.conf").write_text(self._adapted("nats.conf", self._nats_places(machine, nats)))
             (home / "site.toml").write_text(self._adapted("site.toml", self._site_places()))
-        files = self._folder / "nats-1"
+        files = self._folder / "machine-1" / "tls"
         (self._folder / "mosquitto.conf").write_text(
             f"listener {self.broker_port} {HOST}\nallow_anonymous true\n"
-            f"certfile {files}/server.pem\nkeyfile {files}/server.key\nuser root\n"
+            f"certfile {files}/machine.pem\nkeyfile {files}/machine.key\nuser root\n"
         )
 
     def _nats_places(self, server: int, folder: Path) -> dict[str, str]:
@@ -182,6 +181,15 @@ class DrilledMachines:
                 raise SystemExit(f"{FILES / name} does not have {place}, which the drill puts elsewhere")
             text = text.replace(place, other)
         return text
+
+
+def _certify(authority: trustme.CA, folder: Path, name: str) -> None:
+    """Put a new certificate, its key and the authority into a new directory."""
+    folder.mkdir(parents=True)
+    certificate = authority.issue_cert(HOST)
+    authority.cert_pem.write_to_path(str(folder / "ca.pem"))
+    certificate.cert_chain_pems[0].write_to_path(str(folder / f"{name}.pem"))
+    certificate.private_key_pem.write_to_path(str(folder / f"{name}.key"))
 
 
 def _descendants(pid: int) -> Iterator[tuple[int, str]]:

@@ -31,7 +31,7 @@ def servers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drilled
 @asynccontextmanager
 async def member(servers: DrilledMachines, copies: int) -> AsyncIterator[Bus]:
     addresses = tuple(servers.nats_address(server) for server in MACHINES)
-    known = {"ca": servers.ca, "user": "deconflict", "password": "env:NATS_PASSWORD"}
+    known = {"ca": servers.nats_ca, "user": "deconflict", "password": "env:NATS_PASSWORD"}
     bus = Bus(Cluster(nats=addresses, copies=copies, **known), keep_days=1.0)
     async with asyncio.timeout(PATIENCE_S):
         assert await open_bus(bus, asyncio.Event())
