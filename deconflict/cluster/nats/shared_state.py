@@ -8,7 +8,8 @@ from typing import Any
 
 from nats.aio.msg import Msg
 from nats.js import api
-from nats.js.errors import KeyWrongLastSequenceError
+from nats.js.errors import BadRequestError, KeyWrongLastSequenceError
+from nats.js.kv import KeyValue
 
 from deconflict.cluster.nats.nats_connection import NatsConnection, entry
 from deconflict.cluster.nats.subscriptions import newest_of_each
@@ -33,16 +34,23 @@ class SharedState:
         """By member, when its last heartbeat came by this machine's clock, and its contents."""
 
     async def ensure(self) -> None:
-        """Create the buckets that do not exist."""
-        name, js, copies = self._name, self._connection.js, self._connection.settings.copies
-        memory, disk = api.StorageType.MEMORY, api.StorageType.FILE
-        await js.create_key_value(bucket=f"{name}-members", ttl=LEASE_S, storage=memory, replicas=copies)
-        await js.create_key_value(bucket=f"{name}-table", storage=disk, replicas=copies)
-        self._learned = await js.create_key_value(bucket=f"{name}-learned", storage=disk, replicas=copies)
-        self._introduced = await js.create_key_value(
-            bucket=f"{name}-introduced", max_bytes=INTRODUCTION_BYTES, storage=disk, replicas=copies
-        )
-        self._table = await self._connection.quick.key_value(f"{name}-table")
+        """Create the buckets that do not exist, and have as many copies of the others as the site file says."""
+        await self._bucket("members", ttl=LEASE_S, storage=api.StorageType.MEMORY)
+        await self._bucket("table")
+        self._learned = await self._bucket("learned")
+        self._introduced = await self._bucket("introduced", max_bytes=INTRODUCTION_BYTES)
+        self._table = await self._connection.quick.key_value(f"{self._name}-table")
+
+    async def _bucket(self, kind: str, **settings: Any) -> KeyValue:
+        js, copies = self._connection.js, self._connection.settings.copies
+        name = f"{self._name}-{kind}"
+        config = api.KeyValueConfig(bucket=name, replicas=copies, **{"storage": api.StorageType.FILE} | settings)
+        try:
+            return await js.create_key_value(config)
+        except BadRequestError:  # it exists with another number of copies
+            existing = await js.stream_info(f"KV_{name}")
+            await js.update_stream(existing.config, num_replicas=copies)
+            return await js.key_value(name)
 
     async def follow_members(self) -> None:
         bucket = f"{self._name}-members"

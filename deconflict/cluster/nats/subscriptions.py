@@ -10,6 +10,9 @@ from nats.js import JetStreamContext, api
 
 REPLAYED_S = 15.0
 """An engine that takes over a tile receives the parcels of this time before again."""
+IDLE_HEARTBEAT_S = 1.0
+"""How often a server says that there is nothing new. One server of several serves a subscription. After two to four of
+these times without a sign of it the subscription begins again at another."""
 MOST_PENDING_MESSAGES, MOST_PENDING_BYTES = 1 << 20, 1 << 30
 """Messages and bytes that may wait in the client."""
 
@@ -57,6 +60,7 @@ class Subscription:
             cb=self._on_message,
             config=config,
             ordered_consumer=True,
+            idle_heartbeat=IDLE_HEARTBEAT_S,
             pending_msgs_limit=MOST_PENDING_MESSAGES,
             pending_bytes_limit=MOST_PENDING_BYTES,
         )
