@@ -20,6 +20,8 @@ from deconflict_client.situations import POSITION_LOST
 AHEAD_S, NEAR_S = 2.0, 4.0
 """A meeting is warned of if this long before the newest revision of its pair is open and predicts it so near."""
 RETRY_S, LOOK_S = 0.2, 1.0
+BY_FACE = ("seq", "situation_id")
+"""What differs if a face that no NATS server was connected to gets the revision from the stream later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +98,7 @@ class WatchedFace:
     def _take(self, revision: dict[str, Any]) -> None:
         self._after = revision["seq"]
         key = revision["id"], revision["revision"]
-        content = json.dumps({name: value for name, value in revision.items() if name != "seq"}, sort_keys=True)
+        content = json.dumps({name: value for name, value in revision.items() if name not in BY_FACE}, sort_keys=True)
         if self._seen.setdefault(key, content) != content:
             self.doubled.append("{} {}".format(*key))
         if revision["kind"] != "conflict":

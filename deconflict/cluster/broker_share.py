@@ -61,15 +61,23 @@ class BrokerShare:
         self._beaten_s, self._joined_s = began_s, min(self._joined_s, began_s)
 
     async def renew(self) -> None:
-        """Tell the receiver which brokers to hear from now on. It hears none once this is not called for a while."""
+        """Tell the receiver which brokers to hear from now on. It hears none once this is not called for a while.
+
+        While no NATS server answers, it goes on to hear those of before: this machine judges their robots by itself.
+        """
         if not self._configured and not self._granted:
             return
-        now_s, until_s = self._clock(), min(self._beaten_s, self._answered_s) + LEASE_S
-        self._granted = self._own() if now_s < until_s else []
+        now_s, is_cut_off = self._clock(), self._state.is_cut_off()
+        until_s = (self._answered_s if is_cut_off else min(self._beaten_s, self._answered_s)) + LEASE_S
+        self._granted = (self._kept() if is_cut_off else self._own()) if now_s < until_s else []
         payload = json.dumps([self._granted, until_s if self._granted else 0.0]).encode()
         with suppress(LinkDownError):
             await self._receiver.call("grant_brokers", payload, GRANT_TIMEOUT_S)
             self._answered_s = now_s
+
+    def _kept(self) -> list[str]:
+        """Those that it hears now."""
+        return [broker for broker in self._granted if broker in self._configured]
 
     def _own(self) -> list[str]:
         """Its brokers by the heartbeats; those of before until all members have had the time to send one.
@@ -78,6 +86,6 @@ class BrokerShare:
         """
         is_new = self._clock() < self._joined_s + LEASE_S
         if is_new or not self._state.knows_members():
-            return [broker for broker in self._granted if broker in self._configured]
+            return self._kept()
         offers = {member: document.get("brokers", ()) for member, document in self._state.members().items()}
         return brokers_of(self._ingest, offers)

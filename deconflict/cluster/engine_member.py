@@ -29,7 +29,8 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tile_channels import reach_m
+from deconflict.cluster.own_ingest import OwnFace, OwnIngest
+from deconflict.cluster.tiles.tile_channels import ChannelSorter, reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
@@ -77,6 +78,8 @@ class EngineMember:
         """The bus's count of reconnects at the last request for all robots of the channels."""
         self._subscribed: dict[str, Callable[[], Awaitable[None]]] = {}
         """By channel, the function that ends the subscription."""
+        self._own_ingest = OwnIngest(self._bus.connection, runtime, self._new_sorter)
+        self._own_face = OwnFace(self._bus.connection, runtime, self._own_ingest)
         self._writer = StreamWriter(self._bus.revisions, self.measures)
         self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit, ended_early)
         self._outbox = Outbox(self._writer)
@@ -105,6 +108,8 @@ class EngineMember:
                 self._writer.keep_complete(),
                 self._judge(),
                 self._listen(),
+                self._own_ingest.run(self._add_parcel),
+                self._own_face.run(),
                 self._keep_learned(),
                 self._global_engine.run(lambda: self._table.global_engine == self.name),
             )
@@ -121,6 +126,10 @@ class EngineMember:
 
     def _shard_of(self, engine: Engine) -> Shard:
         return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
+
+    def _new_sorter(self) -> ChannelSorter:
+        grid, conflict = Grid(self._settings.tile_m), self._site.conflict
+        return ChannelSorter(grid, conflict, reach_m(self._settings.fastest_mps, conflict))
 
     def _last_advised_wait_s(self, uuid: str) -> float:
         return self._shard.engine.foresight.last_advised_wait_s(uuid)
@@ -183,10 +192,15 @@ class EngineMember:
             for record in records:
                 self._writer.note(record)
             self._global_engine.add_records(records)
-            tiles = self._table.of(self.name)
-            revisions, arrivals, losses = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            heard = self._own_ingest.robots
+            owned = self._table.of(self.name) | self._own_ingest.tiles, heard
+            revisions, arrivals, losses = await asyncio.to_thread(self._run_pass, *owned, parcels, records, overruled)
             self._loss_writer.add(ledger_entries(losses))
-            self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
+            if heard is not None:
+                advisories = [revision.advisory for revision in revisions]
+                self._own_face.note_pass(time.time(), advisories, self._shard.engine.conflicts(), self._measures())
+            if revisions or heard is None:
+                self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
             self._needed = self._shard.channels()
             if began_s - counted_s >= 1.0:
                 whole, held = held & self._shard.area.tiles, self._shard.area.tiles
@@ -203,14 +217,13 @@ class EngineMember:
         loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
         self._document = {
             "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},
-            "measures": [
-                *self._shard.measures(),
-                self._losses.measures.as_document(),
-                self.measures.as_document(),
-                *self._global_engine.measures,
-            ],
+            "measures": self._measures(),
             "presence": self._global_engine.presence,
         }
+
+    def _measures(self) -> list[dict[str, Any]]:
+        own = self._losses.measures.as_document(), self.measures.as_document()
+        return [*self._shard.measures(), *own, *self._global_engine.measures]
 
     def _apply(self, site: Site) -> None:
         """Use a changed site file, and request all robots again."""
@@ -224,6 +237,7 @@ class EngineMember:
     def _run_pass(
         self,
         tiles: frozenset[Tile],
+        heard: set[str] | None,
         parcels: Sequence[bytes],
         records: Sequence[StreamRecord],
         overruled: Sequence[StreamRecord],
@@ -235,6 +249,7 @@ class EngineMember:
                 for record in group:
                     if record.home and isinstance(record.advisory, ConflictAdvisory):
                         shard.adopt(ShardRevision(record.home, record.advisory), overruled=is_overruled)
+            shard.hear_only(heard, time.time())
             if tiles != shard.area.tiles:
                 shard.set_tiles(tiles)
             own = shard.receive([Batch.from_bytes(parcel) for parcel in parcels])

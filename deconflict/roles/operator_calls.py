@@ -22,6 +22,7 @@ from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.engine_link.restoration import page_of_encounters, page_of_open
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
+from deconflict.roles.role_files import ALONE_FILE, stands_alone
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from deconflict_client.advisory import ADVICE, Acknowledgement
@@ -54,12 +55,15 @@ class OperatorCalls:
         situations: LiveSituations,
     ) -> None:
         """`face_measures` are those of the HTTP application."""
+        self._is_alone = stands_alone(runtime)
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
         self._ledger, self._situations = ledger, situations
         self._own_measures = publisher.measures, face_measures
-        self.another_stream = asyncio.Event()
-        """Set if the stored advisories do not belong to the stream that is followed. Then the role restarts."""
+        self.other_numbers = asyncio.Event()
+        """Set if this face is to publish under other numbers. Then the role restarts."""
+        self.is_another_stream = False
+        """Whether the stored advisories do not belong to the stream that is followed."""
 
     def handlers(self) -> dict[str, Handler]:
         return {
@@ -78,6 +82,8 @@ class OperatorCalls:
             "last_losses": self._last_losses,
             "add_losses": self._add_stream_losses,
             "begin_anew": self._begin_anew,
+            "stand_alone": self._stand_alone,
+            "follow_stream": self._follow_stream,
             "measures": self._measures,
             "health": self._health,
             "notice": self._notice,
@@ -184,6 +190,8 @@ class OperatorCalls:
 
     async def _store_lines(self, payload: bytes) -> bytes:
         """Store lines of the stream, in its order and under its numbers."""
+        if self._is_alone:
+            return REFUSED
         parcel = json.loads(payload)
         self._engine.delivery.arrived(parcel["queued_s"])
         for is_answer, lines in groupby(parcel["lines"], lambda line: "answer" in line):
@@ -234,8 +242,25 @@ class OperatorCalls:
 
     async def _begin_anew(self, _: bytes) -> bytes:
         """Have the role set aside its store, which is not of the stream that is followed, and end."""
-        self.another_stream.set()
+        self.is_another_stream = True
+        self.other_numbers.set()
         return b"set aside"
+
+    async def _stand_alone(self, _: bytes) -> bytes:
+        """Take decisions from the engine of this machine, since no NATS server is connected; from the next start on if
+        this face follows the stream."""
+        if self._is_alone:
+            return STORED
+        (self._runtime / ALONE_FILE).touch()
+        self.other_numbers.set()
+        return REFUSED
+
+    async def _follow_stream(self, _: bytes) -> bytes:
+        if not self._is_alone:
+            return STORED
+        (self._runtime / ALONE_FILE).unlink(missing_ok=True)
+        self.other_numbers.set()
+        return REFUSED
 
     async def _measures(self, _: bytes) -> bytes:
         own = [measures.as_document() for measures in self._own_measures]

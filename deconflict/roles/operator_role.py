@@ -84,12 +84,12 @@ class OperatorRole:
             await self._publisher.close()
             self._store.close()
             self._ledger.close()
-        if self._calls.another_stream.is_set():
+        if self._calls.is_another_stream:
             log.error("the stored advisories are kept as %s", self._store.set_aside(datetime.now(UTC)).name)
 
     async def _serve(self, listener: socket.socket, stop: asyncio.Event) -> None:
-        serving, another_stream = self._face.serve(listener), self._calls.another_stream
-        waiting = asyncio.create_task(until_either(stop.wait(), another_stream.wait()))
+        serving, other_numbers = self._face.serve(listener), self._calls.other_numbers
+        waiting = asyncio.create_task(until_either(stop.wait(), other_numbers.wait()))
         self._outlets.renew(self._site.webhooks, self._site.mqtt)
         watching = self.sources.watch_refusals((self._publisher.measures, self._face_measures))
         loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run(), watching)
@@ -103,7 +103,7 @@ class OperatorRole:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, self._outlets.close(), return_exceptions=True)
-            if another_stream.is_set():
+            if other_numbers.is_set():
                 self._publisher.end()
             self._face.end()
             await serving

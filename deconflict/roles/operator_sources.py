@@ -29,7 +29,7 @@ from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from deconflict.roles.health.recording_health import RecordingHealth
 from deconflict.roles.health.refusal_health import RefusalHealth
-from deconflict.roles.role_files import preparation, restarts, role_processes, supervisor_health
+from deconflict.roles.role_files import preparation, restarts, role_processes, stands_alone, supervisor_health
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
@@ -45,6 +45,10 @@ LIVE_QUESTIONS = "unidentified", "senders", "brokers"
 """Questions to the receiver for the page; each answer is a list."""
 REFUSALS_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.1
+ALONE = (
+    "No NATS server is connected: you see and are warned of the robots of this machine only, without queues, deadlocks "
+    "and other machines. See to the NATS servers and the network."
+)
 RELOAD_TIMEOUT_S = 10.0
 
 
@@ -74,7 +78,8 @@ class OperatorSources:
         self._ledger = ledger
         self._archive = Archive(data / FOLDER)
         self.history = History(site, data / "log")
-        self.notice = ""
+        self._is_alone = stands_alone(runtime)
+        self.notice = ALONE if self._is_alone else ""
         """A sentence for people that the page shows."""
         self._recording = RecordingHealth()
         self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
@@ -121,7 +126,7 @@ class OperatorSources:
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
         ends = self.certificates.expiry_s(self.history.site)
         own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
-        if not self._is_cluster:
+        if not self._is_cluster and not self._is_alone:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
             own.count("deconflict_role_restarts_total", role, by=count)
@@ -153,7 +158,9 @@ class OperatorSources:
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
         }
-        if not self._is_cluster:
+        if self._is_alone:
+            parts["cluster"] = {"status": "degraded", "reason": ALONE}
+        elif not self._is_cluster:
             parts["canary"] = self._engine.canary.document(time.monotonic())
         is_ok = all(up.values()) and all(part["status"] == "ok" for part in parts.values())
         return {

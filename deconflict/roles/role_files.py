@@ -17,6 +17,8 @@ EARLY_S = 60.0
 """A process that fails before may fail because of what it started with."""
 PREPARATION_FILE = "preparation.json"
 """While the engine compiles its kernels: how many are `done` of the `total`."""
+ALONE_FILE = "alone"
+"""Is there while the operator face of a cluster's machine takes decisions from the engine of this machine alone."""
 
 log = logging.getLogger(__name__)
 
@@ -76,3 +78,8 @@ def early_end(runtime: Path, role: str) -> str:
 
 def restarts(runtime: Path) -> dict[str, int]:
     return {role: process["restarts"] for role, process in role_processes(runtime).items()}
+
+
+def stands_alone(runtime: Path) -> bool:
+    """Whether the operator face is to take decisions from the engine of this machine alone."""
+    return (runtime / ALONE_FILE).exists()

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import shutil
 import tempfile
 import threading
 import time
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.roles.role_files import PreparationProgress, early_end, restarts
+from deconflict.roles.role_files import ALONE_FILE, PreparationProgress, early_end, restarts, stands_alone
 from deconflict.runtime.heartbeat import Heartbeat
 from deconflict.runtime.kernel_preparation import compile_kernels
 from deconflict.settings.cluster_settings import Cluster
@@ -143,12 +144,28 @@ async def _report_port_open(ready: asyncio.Event, heartbeat: Heartbeat) -> None:
 
 
 def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Exposition) -> "Role":
+    if role == "operator" and stands_alone(runtime):
+        site, data = _alone(site, runtime, data)
     arguments: dict[str, tuple[object, ...]] = {
         "receiver": (runtime, data / "log"),
         "operator": (runtime, data, exposition),
         "engine": (site.cluster, runtime, early_end(runtime, "engine")),
     }
     return _async_class(role)(site, *arguments.get(role, (site.cluster, runtime)))
+
+
+def _alone(site: Site, runtime: Path, data: Path) -> tuple[Site, Path]:
+    """The settings and the data directory of an operator face while no NATS server is connected.
+
+    Its engine writes everything to the stream later, so what the face stored the last time is removed.
+    """
+    data, begun = data / ALONE_FILE, runtime / ALONE_FILE
+    if not begun.read_text():
+        shutil.rmtree(data, ignore_errors=True)
+    data.mkdir(exist_ok=True)
+    begun.write_text("begun")
+    recorder = site.recorder.model_copy(update={"enabled": False})
+    return site.model_copy(update={"cluster": None, "recorder": recorder}), data
 
 
 def _async_class(role: str) -> Callable[..., "Role"]:

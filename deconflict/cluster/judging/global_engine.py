@@ -76,7 +76,8 @@ class GlobalEngine:
         while True:
             with suppress(*BUS_ERRORS):
                 await self._update_role(inbox, active=is_active())
-            if self._judge and self._situations and self.outbox.has_room():
+            is_blind = self._bus.connection.is_cut_off()  # it would take all robots for silent
+            if self._judge and self._situations and self.outbox.has_room() and not is_blind:
                 await self._run_pass(self._judge, self._situations)
             await asyncio.sleep(PASS_EVERY_S)
 

@@ -10,6 +10,7 @@ The owner of the tile in which the first robot of a near miss last reported coun
 
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterable, Sequence
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,6 +55,10 @@ class Shard:
 
     def __init__(self, engine: Engine, grid: Grid, reach_m: float) -> None:
         self.engine, self.area = engine, Area(grid, ())
+        self.heard: set[str] | None = None
+        """The robots on which it publishes, while nothing is known of others; None for all."""
+        self._hears_all_s = inf
+        """When it publishes on all robots again."""
         self.loads: Counter[Tile] = Counter()
         """Number of statuses by tile. The reader replaces it."""
         self._measures = Measures()
@@ -124,6 +129,8 @@ class Shard:
         gone = [*left, *(uuid for uuid in batch.gone if self._is_forgotten(uuid, batch.now_s))]
         known = tuple(dict.fromkeys(uuid for uuid in gone if uuid in self.engine.live.robots))
         own = self._own_rows(batch, kept)
+        if self.heard is not None and self._hears_all_s < inf:
+            self.heard |= stay
         self.engine.receive(batch.take(kept, known))
         self._arrived_s.update((batch.robots[row], float(batch.arrival_s[row])) for row in kept.tolist())
         for uuid in known:
@@ -143,7 +150,7 @@ class Shard:
             home = self._homes.setdefault(revision.id, FloorPoint(where.datum, where.x, where.y))
             if revision.state is AdvisoryState.CLEARED and revision.robots not in self._open:
                 del self._homes[revision.id]
-            if home in self.area:
+            if home in self.area and (self.heard is None or self.heard.issuperset(revision.robots)):
                 due.append(ShardRevision(home, revision))
                 self._remember(due[-1])
         near = self._places(a for a, _ in self.engine.near_misses)
@@ -236,6 +243,15 @@ class Shard:
         involved = {uuid for revision in self._own.values() for uuid in revision.advisory.robots}
         near |= np.array([uuid in involved for uuid in part.robots], bool)
         return near
+
+    def hear_only(self, robots: set[str] | None, now_s: float) -> None:
+        """Publish only on these robots, which may become more. Once it is None: on others too as soon as they are
+        heard, and after `ROBOTS_TIMEOUT_S` on all."""
+        if robots is not None:
+            self.heard, self._hears_all_s = robots, inf
+        elif self.heard is not None:
+            self._hears_all_s = min(self._hears_all_s, now_s + ROBOTS_TIMEOUT_S)
+            self.heard = None if now_s >= self._hears_all_s else self.heard
 
     def _forget_distant(self) -> None:
         """Forget the robots of which this shard hears no more, from tiles that it gave away or an advisory that ended.

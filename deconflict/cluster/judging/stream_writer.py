@@ -76,7 +76,7 @@ class StreamWriter:
                 if await self._try_write(key, home, advisory, last.seq if last else 0):
                     return None
             except BUS_ERRORS as error:
-                log.warning("a revision is not written yet: %s", error or type(error).__name__)
+                self._stream.warn(f"a revision is not written yet: {error or type(error).__name__}")
             await asyncio.sleep(RETRY_S)
 
     async def _try_write(

@@ -24,6 +24,10 @@ PING_S = 5
 """Interval of pings. The client reconnects if the server answers none of two in a row."""
 QUICK_TIMEOUT_S = 1.0
 """Time limit for heartbeats of members: a later one would not count in time."""
+CUT_OFF_S = 2.0
+"""Without a server for this long, this machine goes on by itself. A client finds another server sooner."""
+SETTLE_S = 2.0
+"""It goes on so for this long after a reconnect: by then the stream has what each machine decided by itself."""
 RETRY_S = 0.2
 WARN_AGAIN_S = 10.0
 """The same warning is logged once in this time."""
@@ -41,6 +45,10 @@ class NatsConnection:
         """When the last reconnect was complete, monotonic time."""
         self._credentials, self._certificates = credentials(settings), certificates(settings)
         self._subscriptions: list[Subscription] = []
+        self._lost_s: float | None = None
+        """Since when no server is connected, monotonic time; None while one is."""
+        self._was_cut_off = False
+        """As of the last look."""
         self._reconnected = asyncio.Event()
         self._renewing: asyncio.Task[None] | None = None
         self._warned_s: dict[str, float] = {}
@@ -55,7 +63,7 @@ class NatsConnection:
             **{"reconnect_time_wait": RETRY_S} | self._credentials,
             tls=self._certificates.context if self._certificates else None,
             error_cb=self._on_error,
-            disconnected_cb=self._renew_certificates,
+            disconnected_cb=self._on_disconnect,
             reconnected_cb=self._on_reconnect,
         )
         self.js: JetStreamContext = self.client.jetstream()
@@ -74,6 +82,19 @@ class NatsConnection:
 
     def is_connected(self) -> bool:
         return bool(self.client.is_connected)
+
+    def is_lost(self) -> bool:
+        """Whether no server is connected, or not all is as before a reconnect."""
+        return self._lost_s is not None
+
+    def is_cut_off(self) -> bool:
+        """Whether no server has been connected for a while, up to a moment ago."""
+        now_s = time.monotonic()
+        if self._lost_s is not None:
+            self._was_cut_off = now_s - self._lost_s > CUT_OFF_S
+        elif self._was_cut_off:
+            self._was_cut_off = now_s - self.renewed_s < SETTLE_S
+        return self._was_cut_off
 
     async def subscribe(
         self,
@@ -129,6 +150,10 @@ class NatsConnection:
             self._warned_s[text] = now_s
             log.warning("%s", text)
 
+    async def _on_disconnect(self) -> None:
+        self._lost_s = time.monotonic() if self._lost_s is None else self._lost_s
+        await self._renew_certificates()
+
     async def _on_reconnect(self) -> None:
         self._reconnected.set()
 
@@ -156,7 +181,7 @@ class NatsConnection:
                 self._reconnected.set()
                 await asyncio.sleep(RETRY_S)
             else:
-                self.renewed_s = time.monotonic()
+                self.renewed_s, self._lost_s = time.monotonic(), None
                 self.renewals += 1
                 log.warning("%s is connected again", self.name)
 

@@ -46,7 +46,7 @@ async def beat_repeatedly(bus: Bus, beat: Callable[[], Awaitable[None]]) -> None
         try:
             await beat()
         except BUS_ERRORS as error:
-            log.warning("%s has no connection: %s", bus.name, error or type(error).__name__)
+            bus.connection.warn(f"{bus.name} has no connection: {error or type(error).__name__}")
         await asyncio.sleep(max(BEAT_EVERY_S - (time.monotonic() - began_s), 0.05))
 
 

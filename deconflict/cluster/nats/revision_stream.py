@@ -46,6 +46,10 @@ class RevisionStream:
         self._position: StreamPosition | None = None
         """The last record that was received."""
 
+    def warn(self, text: str) -> None:
+        """As of `NatsConnection`."""
+        self._connection.warn(text)
+
     async def ensure(self) -> None:
         """Create the stream if it does not exist."""
         subjects = [f"{self._name}.told.*", f"{self._name}.answer.*"]

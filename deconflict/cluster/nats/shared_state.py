@@ -73,9 +73,13 @@ class SharedState:
         """The members that are ingests."""
         return {member for member in self.members() if member.startswith(FEED)}
 
+    def is_cut_off(self) -> bool:
+        """Whether no server has been connected for a while."""
+        return self._connection.is_cut_off()
+
     def knows_members(self) -> bool:
         """Whether every live member has had the time to send a heartbeat since the last reconnect."""
-        return time.monotonic() - self._connection.renewed_s > LEASE_S
+        return not self._connection.is_lost() and time.monotonic() - self._connection.renewed_s > LEASE_S
 
     async def _on_heartbeat(self, message: Msg) -> None:
         member, document = message.subject.rsplit(".", 1)[1], json.loads(message.data or b"{}")

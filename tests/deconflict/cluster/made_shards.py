@@ -113,7 +113,7 @@ class Shards:
         """Every parcel to all that hear its channel, a step of each, and what each told to all unless it is lost."""
         parcels = [
             parcel
-            for sorter, batch in zip(self._sorters, batches, strict=True)
+            for sorter, batch in zip(self._sorters, batches, strict=bool(batches))
             for parcel in sorter.sort(batch).items()
         ]
         shard_revisions = []

@@ -72,7 +72,10 @@ class State(SharedState):
     def __init__(self) -> None:
         super().__init__(NatsConnection(Cluster(nats=("nats://a",))))
         self.documents: dict[str, dict[str, Any]] = {}
-        self.all_have_beaten = True
+        self.all_have_beaten, self.is_alone = True, False
+
+    def is_cut_off(self) -> bool:
+        return self.is_alone
 
     def members(self) -> dict[str, dict[str, Any]]:
         return self.documents
@@ -140,6 +143,14 @@ async def test_an_ingest_without_touch_to_the_server_hears_nothing_after_its_lea
     assert ingest.heard == []
     await ingest.beat(reaches_the_server=False)
     assert ingest.receiver.granted == []
+
+
+async def test_an_ingest_that_no_server_is_connected_to_keeps_the_brokers_that_it_hears_and_takes_no_other() -> None:
+    for ingest, kept in ((await hearing(), ["hall", "yard"]), (Ingest(), [])):
+        ingest.state.is_alone, ingest.state.documents = True, {}
+        for _ in range(3 * int(LEASE_S / 0.5)):
+            await ingest.beat(reaches_the_server=False)
+            assert ingest.heard == kept
 
 
 async def test_an_ingest_whose_receiver_hangs_offers_nothing_once_its_last_grant_has_ended() -> None:

@@ -13,7 +13,7 @@ from deconflict.advisories.advisory_counts import NEAR_MISSES
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.probability.calibration import Calibration
-from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from metrics.monitoring.exposition import combine
 from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
 from tests.helpers.saying import HALL, LOFT
@@ -171,6 +171,26 @@ def test_a_shard_that_takes_over_tiles_continues_their_advisories(told_in_time: 
     assert [part.revision for part in parts] == list(range(1, len(parts) + 1))
     assert parts[-1].state is AdvisoryState.CLEARED
     assert not told_in_time or parts == whole
+
+
+def test_a_shard_publishes_only_on_robots_that_it_hears_while_it_hears_no_others() -> None:
+    """Robots of other ingests are silent for it, for so long that it takes them to have left."""
+    courses = {"A": crossing_at(-12.0, 14.0, 0.0), "B": crossing_at(-12.0, 0.0, 14.0)}
+    ingests, shards = Ingests(courses), Shards(Grid(20.0), 1)
+    shards.cover((HALL,), 200.0, lambda _: 0)
+    (shard,), lost_from, lost_to = shards.shards, TICKS * 9, TICKS * 200
+    for tick in range(TICKS * 214):
+        t_s = NOW_S + tick / TICKS
+        shard.hear_only(set() if lost_from <= tick < lost_to else None, t_s)
+        shards.step(tick, ingests.batches(tick) if not lost_from <= tick < lost_to else [])
+        if lost_from <= tick < lost_to:
+            ingests.batches(tick)
+    written = [revision.advisory for revision in shards.revisions]
+    assert [each.state for each in written if each.state is not AdvisoryState.UPDATED] == [
+        AdvisoryState.RAISED,
+        AdvisoryState.CLEARED,
+    ]
+    assert written[-1].cleared_code in (ClearedCode.PASSED, ClearedCode.UNPREDICTED)
 
 
 def crossing_at(x_m: float, west_m: float, south_m: float) -> Course:
