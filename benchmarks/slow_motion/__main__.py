@@ -16,6 +16,8 @@ from benchmarks.slow_motion.started_cluster import SERVER
 from benchmarks.slow_motion.stretched_run import measure
 
 ROBOTS_A_STRETCH, ROBOTS_AN_ENGINE = 1_250, 12_500
+LOADED_TICK_S = 0.1
+"""The time between two ticks of a loaded ingest."""
 
 
 def main() -> int:
@@ -29,6 +31,7 @@ def main() -> int:
     )
     parser.add_argument("--floor", type=int, default=10_000, help="robots of a floor, at most 20,000")
     parser.add_argument("--busy", action="store_true", help="ten times as many robots meet, as in the other benchmarks")
+    parser.add_argument("--tick", type=float, default=LOADED_TICK_S, help="`engine.tick_s` of all processes")
     parser.add_argument("--kill", action="store_true", help="kill an engine in the end")
     args = parser.parse_args()
     if SERVER is None:
@@ -48,7 +51,18 @@ def _column(robots: int, args: argparse.Namespace) -> dict[str, str]:
     stretch = args.stretch or max(robots / ROBOTS_A_STRETCH, 1.0)
     spawn = multiprocessing.get_context("spawn")
     parent, child = spawn.Pipe()
-    arguments = child, robots, engines, stretch, args.settle, args.seconds, args.floor, not args.busy, args.kill
+    arguments = (
+        child,
+        robots,
+        engines,
+        stretch,
+        args.settle,
+        args.seconds,
+        args.floor,
+        not args.busy,
+        args.tick,
+        args.kill,
+    )
     process = spawn.Process(target=measure, args=arguments)
     process.start()
     child.close()
