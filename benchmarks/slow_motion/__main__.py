@@ -4,7 +4,8 @@ A real NATS server, real ingests with sockets, engines and an operator face run,
 that is stretched: a simulated second lasts `--stretch` seconds. So a few cores show what many robots cost, and what
 saturates first. One floor of about `--floor` robots has one ingest; a robot has 69 m2, or 46
 with `--busy`, and reports once a second with ten points of path. With `--kill` an engine is killed after the measured
-seconds. The stretch is large enough if the load is not late and every engine makes its ten passes a second.
+seconds. The stretch is large enough if the load is not late and every engine makes its passes, one each
+`--tick` seconds. The time from an engine's decision to a subscriber of the face is measured there.
 
 This needs nats-server.
 """
