@@ -166,9 +166,9 @@ def test_what_makes_nothing_faster_is_said_in_one_line(
     monkeypatch.setattr(replay_processes, "run_task", lambda *_: None)
     with replay_processes.replayed(args, tasks, lambda *_: nullcontext(iter(()))) as outcomes:
         assert len(list(outcomes)) == len(tasks)
-    said = [record.message for record in caplog.records if record.levelno == logging.WARNING]
-    assert len(said) == bool(warning)
-    assert all(warning in line and "\n" not in line for line in said if warning)
+    warnings = [record.message for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(warnings) == bool(warning)
+    assert all(warning in line and "\n" not in line for line in warnings if warning)
 
 
 def end_at_once(*_: object) -> NoReturn:
