@@ -5,17 +5,23 @@ The log comes from the demo's simulated vendors, each in its own dialect, most w
 It uses one clearance and one core, and the garbage collection settings of the command. Times are processor times, so
 that other load on the machine has little effect. The log is replayed twice: the total time is from the run without
 timers, the shares are from the run with timers.
+
+`--side-by-side` runs the command itself instead, on several logs, clearances and variants: in one process, in two, and
+on a Dask cluster of this machine. The ways take turns, so that other load meets all of them.
 """
 
 import argparse
 import gc
 import json
+import os
 import resource
+import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
@@ -69,14 +75,21 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "scoring": ((CalibrationScores, "sample"), (CalibrationScores, "resolve"), (ClearanceScores, "figures")),
 }
 
+WAYS: dict[str, tuple[str, ...]] = {
+    "--jobs 1": ("--jobs", "1"),
+    "--jobs 2": ("--jobs", "2"),
+    "--scheduler": ("--scheduler",),
+}
+CASES = (1, 1, 1), (1, 3, 1), (1, 1, 2), (4, 1, 1), (4, 3, 1)
+"""Logs, clearances and variants."""
 
 _within: list[str] = []
 """The stage in progress, if any. Advice also sweeps, so a stage may call another."""
 
 
-def write_log(path: Path, robots: int, seconds: float) -> int:
+def write_log(path: Path, robots: int, seconds: float, seed: int = 1) -> int:
     """Write what simulated robots of four vendors send in `seconds`. Returns the number of messages."""
-    rng, messages = np.random.default_rng(1), 0
+    rng, messages = np.random.default_rng(seed), 0
     world = World(layout_for(robots), participants(robots), rng)
     every_s = np.array([member.make.report_every_s for member in world.members])
     phase_s = every_s * (np.arange(len(world)) * 0.618 % 1.0)
@@ -170,6 +183,41 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def command_of(logs: Sequence[Path], clearances: int, variants: int, folder: Path) -> list[str]:
+    """The command that replays the logs, without the options that say in how many processes."""
+    clearances_m = [f"{0.3 + 0.1 * number:g}" for number in range(clearances)]
+    command = [sys.executable, "-m", "deconflict", "replay", *map(str, logs), "--each", "--site", str(demo_site())]
+    command += ["--json", str(folder / "scores.json"), "--clearance", *clearances_m]
+    for number in range(variants if variants > 1 else 0):
+        command += ["--variant", str(number), f"confirm=[{number + 2},3]"]
+    return command
+
+
+def ran(command: Sequence[str]) -> tuple[float, float]:
+    """The wall seconds and the processor seconds that a command and its processes took."""
+    before = os.times()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    after = os.times()
+    return after.elapsed - before.elapsed, sum(after[2:4]) - sum(before[2:4])
+
+
+def side_by_side(robots: int, seconds: float, turns: int) -> Iterator[str]:
+    """A table: for each case and way, the fastest of the turns, and the median of its ratios to one process."""
+    yield "| logs, clearances, variants | way | wall, s | processor, s | wall to `--jobs 1` | load |\n|" + " --- |" * 6
+    with TemporaryDirectory() as name:
+        logs = [Path(name) / f"log{seed}.jsonl" for seed in range(1, 5)]
+        for seed, log in enumerate(logs, 1):
+            write_log(log, robots, seconds, seed)
+        for count, clearances, variants in CASES:
+            command = command_of(logs[:count], clearances, variants, Path(name))
+            took = [{way: ran([*command, *options]) for way, options in WAYS.items()} for _ in range(turns)]
+            case, load = f"{count}, {clearances}, {variants}", os.getloadavg()[0]
+            for way in WAYS:
+                wall_s, core_s = min(turn[way] for turn in took)
+                ratio = median(turn[way][0] / turn["--jobs 1"][0] for turn in took)
+                yield f"| {case} | `{way}` | {wall_s:.1f} | {core_s:.1f} | {ratio:.2f} | {load:.1f} |"
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("log", nargs="?", type=Path)
@@ -177,7 +225,13 @@ def main() -> None:
     options.add_argument("--circles", action="store_true", help="robots on circles instead of the demo's vendors")
     options.add_argument("--robots", type=int, default=100)
     options.add_argument("--seconds", type=float, default=300.0)
+    options.add_argument("--side-by-side", action="store_true", help="the command, with several processes and with one")
+    options.add_argument("--turns", type=int, default=3, help="how often each way runs side by side")
     args = options.parse_args()
+    if args.side_by_side:
+        for row in side_by_side(args.robots, args.seconds, args.turns):
+            print(row, flush=True)
+        return
     gc.set_threshold(*GC_THRESHOLDS)
     site = load(args.site or demo_site()) if args.site or not (args.log or args.circles) else Site()
     with TemporaryDirectory() as folder:

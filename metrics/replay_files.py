@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -79,16 +79,6 @@ class ReplayFiles:
             if len(advisories) == 1:
                 advisories = dict.fromkeys(advisories, stream)
         return cls(result, html, advisories, situations, probabilities, mcap)
-
-    def of_part(self, clearance_m: float, *, is_first: bool) -> "ReplayFiles":
-        """The files that the replay of one of the clearances writes as it runs."""
-        advisories = {key: path for key, path in self.advisories.items() if key == clearance_m}
-        return replace(
-            self,
-            advisories=advisories,
-            situations=self.situations if is_first else None,
-            probabilities=self.probabilities if is_first else None,
-        )
 
     def paths(self) -> list[Path]:
         paths = (self.json, self.html, *self.advisories.values(), self.situations, self.probabilities, self.mcap)

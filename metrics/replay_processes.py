@@ -1,7 +1,7 @@
 """Many replays side by side, each whole in one process: on the cores of this machine, or on a Dask cluster.
 
-A task is one log with one setting. It is divided by clearances, because the decisions of an engine depend on everything
-before, but not on another engine. The parts are joined to the result that one process gives.
+A task is one log with one setting, at all its clearances: these share the reading of the log, so that dividing them
+costs more than it gains.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
@@ -43,6 +43,8 @@ Reading = Callable[[LogReader, Sequence[Path]], AbstractContextManager[Iterator[
 _REPLAY = Lock()
 """Held while a replay runs. A worker of a cluster may have several threads."""
 
+log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True, slots=True)
 class ReplayTask:
@@ -57,26 +59,6 @@ class ReplayTask:
     site: Site
     clearances_m: Sequence[float]
     outputs: ReplayFiles
-    beside_m: Sequence[float] = ()
-    """The clearances of the whole task, if this is a part of it."""
-    is_first: bool = True
-    """Only the first part logs which lines can't be read: they are the same for all."""
-
-    def parts(self) -> "list[ReplayTask]":
-        """A task for each clearance. A task with an MCAP file is not divided: the file has the advisories of all
-        clearances in the order of time."""
-        if self.outputs.mcap:
-            return [self]
-        return [
-            replace(
-                self,
-                clearances_m=[clearance_m],
-                outputs=self.outputs.of_part(clearance_m, is_first=number == 0),
-                beside_m=self.clearances_m,
-                is_first=number == 0,
-            )
-            for number, clearance_m in enumerate(self.clearances_m)
-        ]
 
 
 def add_processes(command: argparse.ArgumentParser) -> None:
@@ -84,10 +66,9 @@ def add_processes(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--jobs",
         type=whole_in(1, MOST_JOBS),
-        default=len(os.sched_getaffinity(0)),
         metavar="N",
-        help="replays at once: each log, variant and clearance is one, in a process of its own "
-        "(default: the cores that this command may use)",
+        help="replays at once: each log with --each, and each variant, is one, in a process of its own "
+        "(default: as many as there are, at most the cores that this command may use)",
     )
     command.add_argument(
         "--scheduler",
@@ -102,14 +83,29 @@ def add_processes(command: argparse.ArgumentParser) -> None:
 @contextmanager
 def replayed(args: argparse.Namespace, tasks: Sequence[ReplayTask], reading: Reading) -> Iterator[Iterator[Outcome]]:
     """The outcomes of the tasks, in their order. `reading` reads a log in this process. Raises `LogError`."""
-    parts = [task.parts() for task in tasks]
-    processes = min(args.jobs, sum(map(len, parts)))
+    cores = len(os.sched_getaffinity(0))
+    if slower := _slower(args, len(tasks), cores):
+        log.warning(slower)
+    processes = min(args.jobs or cores, len(tasks))
     if args.scheduler is None and processes == 1:
         yield (run_task(task, reading) for task in tasks)
         return
     with _pool(processes) if args.scheduler is None else _cluster(args.scheduler) as executor:
-        futures = deque(executor.submit(run_task, part) for each in parts for part in each)
-        yield (_joined([futures.popleft().result() for _ in each]) for each in parts)
+        futures = deque(executor.submit(run_task, task) for task in tasks)
+        yield (futures.popleft().result() for _ in tasks)
+
+
+def _slower(args: argparse.Namespace, replays: int, cores: int) -> str | None:
+    """What the options ask for that makes nothing faster, and what to do instead."""
+    jobs = args.jobs or 1
+    if args.scheduler == "":
+        return "--scheduler without an address is slower than --jobs, which uses the same cores: leave it out"
+    if replays == 1 and (args.scheduler or jobs > 1):
+        option = "--scheduler" if args.scheduler else "--jobs"
+        return f"{option} makes one replay no faster: give several logs with --each, or several --variant"
+    if not args.scheduler and cores < jobs <= replays:
+        return f"--jobs {jobs} is more than the cores that this command may use ({cores}): leave it out"
+    return None
 
 
 def run_task(task: ReplayTask, reading: Reading = lambda reader, files: nullcontext(reader.read(files))) -> Outcome:
@@ -117,23 +113,17 @@ def run_task(task: ReplayTask, reading: Reading = lambda reader, files: nullcont
     from metrics.replay.replay import replay  # noqa: PLC0415 - brings kernels
 
     start = start_of(head) if (head := head_of_only(task.logs)) else StartState()
-    reader = LogReader() if task.is_first else LogReader(logged_lines=0)
+    reader = LogReader()
     with _REPLAY, ExitStack() as files:
         sinks = task.outputs.sinks(files)
         events = files.enter_context(reading(reader, task.files))
-        result = replay(reader, events, task.site, task.clearances_m, start=start, beside_m=task.beside_m, **sinks)
+        result = replay(reader, events, task.site, task.clearances_m, start=start, **sinks)
     return result, reader
 
 
 def head_of_only(logs: Sequence[Path]) -> dict[str, Any] | None:
     """The head of the only log, if that is a black box; else None."""
     return head_of(logs[0]) if len(logs) == 1 else None
-
-
-def _joined(parts: Sequence[Outcome]) -> Outcome:
-    """The outcome of a task: the scores of each clearance from its own part, all else from the first."""
-    result, reader = parts[0]
-    return result | {"scores": [score for part, _ in parts for score in part["scores"]]}, reader
 
 
 @contextmanager

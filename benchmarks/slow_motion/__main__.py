@@ -4,7 +4,8 @@ A real NATS server, real ingests with sockets, engines and an operator face run,
 that is stretched: a simulated second lasts `--stretch` seconds. So a few cores show what many robots cost, and what
 saturates first. One floor of about `--floor` robots has one ingest; a robot has 69 m2, or 46
 with `--busy`, and reports once a second with ten points of path. With `--kill` an engine is killed after the measured
-seconds. The stretch is large enough if the load is not late and every engine makes its ten passes a second.
+seconds. The stretch is large enough if the load is not late and every engine makes its passes, one each
+`--tick` seconds. The time from an engine's decision to a subscriber of the face is measured there.
 
 This needs nats-server.
 """
@@ -16,6 +17,8 @@ from benchmarks.slow_motion.started_cluster import SERVER
 from benchmarks.slow_motion.stretched_run import measure
 
 ROBOTS_A_STRETCH, ROBOTS_AN_ENGINE = 1_250, 12_500
+LOADED_TICK_S = 0.1
+"""The time between two ticks of a loaded ingest."""
 
 
 def main() -> int:
@@ -29,6 +32,7 @@ def main() -> int:
     )
     parser.add_argument("--floor", type=int, default=10_000, help="robots of a floor, at most 20,000")
     parser.add_argument("--busy", action="store_true", help="ten times as many robots meet, as in the other benchmarks")
+    parser.add_argument("--tick", type=float, default=LOADED_TICK_S, help="`engine.tick_s` of all processes")
     parser.add_argument("--kill", action="store_true", help="kill an engine in the end")
     args = parser.parse_args()
     if SERVER is None:
@@ -48,7 +52,18 @@ def _column(robots: int, args: argparse.Namespace) -> dict[str, str]:
     stretch = args.stretch or max(robots / ROBOTS_A_STRETCH, 1.0)
     spawn = multiprocessing.get_context("spawn")
     parent, child = spawn.Pipe()
-    arguments = child, robots, engines, stretch, args.settle, args.seconds, args.floor, not args.busy, args.kill
+    arguments = (
+        child,
+        robots,
+        engines,
+        stretch,
+        args.settle,
+        args.seconds,
+        args.floor,
+        not args.busy,
+        args.tick,
+        args.kill,
+    )
     process = spawn.Process(target=measure, args=arguments)
     process.start()
     child.close()

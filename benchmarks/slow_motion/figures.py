@@ -1,12 +1,14 @@
 """The table of one run: per simulated second, so that figures are those of a cluster at full speed."""
 
 from collections.abc import Iterable
+from math import nan
 from statistics import median
 
 from benchmarks.endtoend import Usage, since
 from benchmarks.slow_motion.sampling import Moment
 from benchmarks.slow_motion.slow_run import Outcome
 
+WITHIN_S = 0.025, 0.05, 0.1, 0.15, 0.25
 SERVICE = ("receiver", "feed", "nats", "engine", "follower", "operator")
 """The roles of the service. The load is not one."""
 
@@ -85,8 +87,15 @@ def _costs(before: Moment, after: Moment, seconds: float) -> dict[str, str]:
 
 def _delays(outcome: Outcome) -> dict[str, str]:
     sampler, latency = outcome.sampler, since(outcome.before.latency, outcome.after.latency)
+    shown_s = sorted(sampler.shown_s) or [nan]
+    within = [sum(latency.counts[: latency.bounds.index(bound_s) + 1]) for bound_s in WITHIN_S]
     return {
         "message to advisory p50, p99, s": f"{latency.quantile(0.5):.2f}, {latency.quantile(0.99):.2f}",
+        f"messages within {', '.join(f'{bound_s:g}' for bound_s in WITHIN_S)} s": ", ".join(
+            f"{count / max(sum(latency.counts), 1):.1%}" for count in within
+        ),
+        "decision to face p50, p99, s": f"{median(shown_s):.3f}, {shown_s[int(0.99 * len(shown_s))]:.3f}",
+        "revisions at the face": f"{len(sampler.shown_s):,}",
         "oldest pass in an outbox, s": f"{sampler.delay_s:.2f}",
         "face behind the stream, median and most, s": f"{median(sampler.lags_s):.2f}, {max(sampler.lags_s):.2f}",
         "face behind the stream, revisions": f"{sampler.lag_revisions:,}",

@@ -4,9 +4,11 @@ import asyncio
 import json
 import time
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import httpx
+from websockets.asyncio.client import connect
 
 from benchmarks.endtoend import LATENCY, Usage
 from benchmarks.slow_motion.started_cluster import StartedCluster
@@ -62,6 +64,8 @@ class Sampler:
     """The most revisions that the face lacked."""
     delay_s: float = 0.0
     """The greatest age of a pass in an engine's outbox."""
+    shown_s: list[float] = field(default_factory=list)
+    """Of each revision that a subscriber of the face received, the time since an engine decided it."""
 
     async def run(self) -> None:
         """Sample until cancelled."""
@@ -98,6 +102,15 @@ class Sampler:
     async def stored(self) -> int:
         """The number of the last revision that the operator face has stored."""
         return int((await self._get(f"{self.started.face}/advisories?limit=1"))["seq"])
+
+    async def follow_face(self) -> None:
+        """Note how long revisions take from an engine to a subscriber of the operator face. Until cancelled."""
+        after = await self.stored()
+        address = f"{self.started.face.replace('http', 'ws', 1)}/advisories/stream?after={after}"
+        async with connect(address, proxy=None) as stream:
+            async for message in stream:
+                decided = datetime.fromisoformat(json.loads(message)["updated_at"])
+                self.shown_s.append(time.time() - decided.timestamp())
 
     async def _sample(self) -> None:
         _, document = await self.bus.state.table()

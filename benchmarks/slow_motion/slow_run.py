@@ -66,7 +66,7 @@ class Outcome:
 
 async def run(
     robots: int, engines: int, stretch: float, began_s: float, settle_s: float, seconds: float, a_floor: int,
-    calm: bool, kill: bool,
+    calm: bool, tick_s: float, kill: bool,
 ) -> Outcome:  # fmt: skip
     """Run a cluster with about `a_floor` robots a floor, on calm floors or not.
 
@@ -74,7 +74,7 @@ async def run(
     """
     floors = [len(part) for part in np.array_split(np.arange(robots), max(round(robots / a_floor), 1))]
     with tempfile.TemporaryDirectory(prefix="slow-") as folder:
-        started = StartedCluster(Path(folder), stretch, began_s, floors, calm)
+        started = StartedCluster(Path(folder), stretch, began_s, floors, calm, tick_s)
         bus = Bus(started.cluster, started.site().store.keep_days)
         try:
             await open_bus(bus, asyncio.Event())
@@ -94,7 +94,9 @@ async def _measured(sampler: Sampler, engines: int, settle_s: float, seconds: fl
     await asyncio.sleep(settle_s)
     before = await sampler.moment()
     report("measuring")
+    following = asyncio.create_task(sampler.follow_face())
     await asyncio.sleep(seconds)
+    await end_tasks(following)
     after, table = await sampler.moment(), sampler.table
     report("measured")
     takeover = await _takeover(sampler, names[-1]) if kill else None

@@ -21,8 +21,6 @@ from ingest.settings import Datum, Vendor
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 """None if it is not installed."""
 END_WITHIN_S = 60.0
-LOADED_TICK_S = 0.1
-"""The time between two ticks of a loaded ingest."""
 
 
 def free_port() -> int:
@@ -42,6 +40,7 @@ class StartedCluster:
     """The number of robots on each floor. Each floor has an ingest."""
     calm: bool
     """Whether few robots meet."""
+    tick_s: float
     processes: dict[str, list[subprocess.Popen[bytes]]] = field(default_factory=dict)
     cluster: Cluster = field(init=False)
     monitor: str = field(init=False)
@@ -67,7 +66,7 @@ class StartedCluster:
                 "vendors": tuple(Vendor(name=name) for name in offer.VENDORS),
                 "receiver": DEFAULT.receiver.model_copy(update={"port": robots_port}),
                 "operator": DEFAULT.operator.model_copy(update={"port": face_port}),
-                "engine": DEFAULT.engine.model_copy(update={"tick_s": LOADED_TICK_S}),  # as a loaded ingest makes
+                "engine": DEFAULT.engine.model_copy(update={"tick_s": self.tick_s}),
                 "cluster": self.cluster,
             }
         )

@@ -110,14 +110,13 @@ NOTES = ("blackbox", "decided", "end")
 class LogReader:
     """Reads logs in order, line by line. Lines that can't be read are counted, logged and left out."""
 
-    def __init__(self, logged_lines: int = LOGGED_LINES) -> None:
+    def __init__(self) -> None:
         self.unreadable = 0
         """Incomplete or foreign lines so far, and compressed files that end too early."""
         self.late, self.late_by_s = 0, 0.0
         """How many messages are behind one that arrived later, and the largest difference."""
         self.own = False
         """Whether a log has lines other than messages. The service wrote such a log, in the order in which it read."""
-        self._logged_lines = logged_lines
         self._newest_s = -inf
         self._finished_bytes = 0
         self._file: IO[bytes] | None = None
@@ -167,7 +166,7 @@ class LogReader:
 
     def _leave_out(self, file: Path, number: int, error: Exception) -> None:
         self.unreadable += 1
-        if self.unreadable <= self._logged_lines:
+        if self.unreadable <= LOGGED_LINES:
             why = f"{error.msg}: column {error.colno}" if isinstance(error, json.JSONDecodeError) else error
             log.warning("%s, line %d is left out: %s: %.100s", file, number, type(error).__name__, why)
 

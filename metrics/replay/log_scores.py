@@ -38,9 +38,8 @@ class LogScores:
     """What happened in one log, and the scores of every clearance. The first clearance's engine gives all figures that
     do not depend on the clearance."""
 
-    def __init__(self, site: Site, clearances_m: Sequence[float], beside_m: Sequence[float] = ()) -> None:
-        """`beside_m` as in `metrics.replay.replay.replay`."""
-        self.truth = EncounterFinder([*clearances_m, *beside_m], site.conflict.clear_margin_m)
+    def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
+        self.truth = EncounterFinder(clearances_m, site.conflict.clear_margin_m)
         self.tracks, self._clearance_m = RecentTracks(), clearances_m[0]
         self.interactions = Interactions()
         self.absences = Absences(clearances_m)

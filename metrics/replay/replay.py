@@ -50,20 +50,18 @@ def replay(
     on_batch: BatchSink | None = None,
     on_probabilities: ProbabilitySink | None = None,
     start: StartState = StartState(),  # noqa: B008 - frozen
-    beside_m: Sequence[float] = (),
 ) -> dict[str, Any]:
     """The scores of every clearance over the events that `reader` reads.
 
     `on_advisory` is called with each revision that the live stream would have published, in that order; their `seq`
     is 0. `on_situation` is called with each revision of a situation of the first clearance. `on_batch` is called with
     the time and the batch of each pass, `on_probabilities` once a second with those of the first clearance. `start` is
-    the engine's state at the start of a black box. `beside_m` are clearances that other replays of the log have: near
-    moments are found as far as the widest of all. Only `speed_x_real_time` differs between two runs.
+    the engine's state at the start of a black box. Only `speed_x_real_time` differs between two runs.
     """
     began = time.perf_counter()
     passes = PassReader(site)
     engines = [EngineRun(site, clearance_m, start) for clearance_m in clearances_m]
-    scores = LogScores(site, clearances_m, beside_m)
+    scores = LogScores(site, clearances_m)
     for engine_pass in chain(passes.passes_of(events), passes.last_passes()):
         if on_batch:
             on_batch(engine_pass.now_s, engine_pass.batch)

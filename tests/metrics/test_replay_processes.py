@@ -1,9 +1,12 @@
 """Replays side by side write the files of one process, and end if a process does."""
 
+import argparse
 import json
 import logging
 import os
 import signal
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from multiprocessing import active_children
 from pathlib import Path
 from typing import NoReturn
@@ -15,12 +18,13 @@ from deconflict.settings.site import DEFAULT
 from deconflict.simulation.demo.demo_site import demo_site
 from metrics import replay_processes
 from metrics.replay_files import LogError, ReplayFiles
-from metrics.replay_processes import ReplayTask, run_task
+from metrics.replay_processes import ReplayTask
 from tests.helpers.commands import run
 from tests.metrics.replay.made_replays import log_of_a_crossing
 
 CLEARANCES_M = "0.3", "0.9"
 """Far enough apart that robots come near within the second and not within the first."""
+VARIANTS = "--variant", "now", "--variant", "soon", "confirm=[1, 1]"
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +49,12 @@ def written(folder: Path, *words: str | Path, files: tuple[str, ...] = ("advisor
 @pytest.mark.parametrize("files", [("advisories", "situations"), ("advisories", "situations", "mcap")])
 def test_several_processes_write_the_files_of_one(log: Path, tmp_path: Path, files: tuple[str, ...]) -> None:
     in_two, in_one = (
-        written(tmp_path / jobs, log, "--clearance", *CLEARANCES_M, "--jobs", jobs, files=files) for jobs in "21"
+        written(tmp_path / jobs, log, "--clearance", *CLEARANCES_M, *VARIANTS, "--jobs", jobs, files=files)
+        for jobs in "21"
     )
     assert in_two == in_one
-    result = json.loads(in_one["scores.json"])
+    assert in_one["scores-now.json"] != in_one["scores-soon.json"]
+    result = json.loads(in_one["scores-now.json"])
     assert [score["clearance_m"] for score in result["scores"]] == [0.3, 0.9]
     assert any(scene["separation_m"] > 0.4 for scene in result["nearest"]), "near only for the wider clearance"
     assert not active_children()
@@ -102,15 +108,67 @@ def test_results_that_would_have_no_file_of_their_own_are_refused_before_a_log_i
         run("replay", *words)
 
 
-def test_lines_that_cannot_be_read_are_logged_once_for_all_clearances(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("options", "cores", "processes"),
+    [
+        (("--clearance", *CLEARANCES_M), 4, 1),
+        (("--clearance", *CLEARANCES_M, "--jobs", "4"), 4, 1),
+        (VARIANTS, 4, 2),
+        (VARIANTS, 1, 1),
+        ((*VARIANTS, "--jobs", "1"), 4, 1),
+        ((*VARIANTS, "--jobs", "2"), 1, 2),
+    ],
+)
+def test_there_are_as_many_processes_as_replays_on_the_cores_and_clearances_share_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], cores: int, processes: int
 ) -> None:
-    log = log_of_a_crossing(tmp_path / "log.jsonl")
-    log.write_text("torn\n" + log.read_text())
+    log, pools = log_of_a_crossing(tmp_path / "log.jsonl"), list[int]()
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)))
+
+    def pool(jobs: int) -> AbstractContextManager[Executor]:
+        pools.append(jobs)
+        return ThreadPoolExecutor()
+
+    monkeypatch.setattr(replay_processes, "_pool", pool)
+    run("replay", log, *options, "--json", tmp_path / "out.json")
+    assert pools == ([processes] if processes > 1 else [])
+
+
+@pytest.mark.parametrize(
+    ("options", "warning"),
+    [
+        ((), None),
+        (("--jobs", "1"), None),
+        (VARIANTS, None),
+        ((*VARIANTS, "--jobs", "2"), None),
+        (("--jobs", "2"), "--jobs makes one replay no faster: give several logs with --each, or several --variant"),
+        (("--jobs", "2", "--clearance", *CLEARANCES_M), "--jobs makes one replay no faster"),
+        ((*VARIANTS, *VARIANTS[:2], "--jobs", "3"), "--jobs 3 is more than the cores that this command may use (2)"),
+        ((*VARIANTS, "--jobs", "3"), None),
+        ((*VARIANTS, "--scheduler"), "--scheduler without an address is slower than --jobs, which uses the same cores"),
+        (("--scheduler", "tls://hall:8786"), "--scheduler makes one replay no faster"),
+        ((*VARIANTS, "--scheduler", "tls://hall:8786"), None),
+    ],
+)
+def test_what_makes_nothing_faster_is_said_in_one_line(
+    options: tuple[str, ...], warning: str | None, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    command = argparse.ArgumentParser()
+    command.add_argument("--variant", action="append", nargs="+", default=[])
+    command.add_argument("--clearance", nargs="+")
+    replay_processes.add_processes(command)
+    args = command.parse_args(options)
+    for place in ("_pool", "_cluster"):
+        monkeypatch.setattr(replay_processes, place, lambda _: ThreadPoolExecutor())
     outputs = ReplayFiles(None, None, {}, None, None, None)
-    results = [run_task(part) for part in ReplayTask([log], [log], "", DEFAULT, [0.3, 0.5], outputs).parts()]
-    assert [reader.unreadable for _, reader in results] == [1, 1]
-    assert [record.levelno for record in caplog.records if "is left out" in record.message] == [logging.WARNING]
+    tasks = [ReplayTask([], [], "", DEFAULT, [0.3], outputs)] * max(len(args.variant), 1)
+    monkeypatch.setattr(replay_processes, "run_task", lambda *_: None)
+    with replay_processes.replayed(args, tasks, lambda *_: nullcontext(iter(()))) as outcomes:
+        assert len(list(outcomes)) == len(tasks)
+    warnings = [record.message for record in caplog.records if record.levelno == logging.WARNING]
+    assert len(warnings) == bool(warning)
+    assert all(warning in line and "\n" not in line for line in warnings if warning)
 
 
 def end_at_once(*_: object) -> NoReturn:
@@ -125,12 +183,12 @@ def fail(*_: object) -> NoReturn:
 def test_a_replay_ends_with_a_process_that_is_killed(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(replay_processes, "run_task", end_at_once)
     with pytest.raises(LogError, match=r"was killed before it had a result.*--jobs 1 runs all in one process"):
-        run("replay", log, "--clearance", *CLEARANCES_M, "--jobs", "2")
+        run("replay", log, *VARIANTS, "--json", "/dev/null", "--jobs", "2")
     assert not active_children()
 
 
 def test_an_error_of_one_replay_ends_all(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(replay_processes, "run_task", fail)
     with pytest.raises(OSError, match="the disk is gone"):
-        run("replay", log, "--clearance", *CLEARANCES_M, "--jobs", "2")
+        run("replay", log, *VARIANTS, "--json", "/dev/null", "--jobs", "2")
     assert not active_children()
