@@ -12,9 +12,9 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 HEAD = """# Dependencies
 
-The table lists what `pip install -c constraints.txt ./deconflict_client .` installs besides these two packages. The
-versions are those that were tested. Each licence is the one in the metadata of the package.
-`python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
+The table lists what `pip install -c constraints.txt ./deconflict_client '.[cluster]'` installs besides these two
+packages, and `locks/runtime.txt` has. The versions are those that were tested. Each licence is the one in the metadata
+of the package. `python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
 
 ## Known vulnerabilities
 
@@ -52,7 +52,8 @@ def needed() -> dict[str, set[str]]:
     """Every package that an installation brings, and which ask for it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     found: dict[str, set[str]] = {}
-    waiting = [(Requirement(dependency), project["name"]) for dependency in project["dependencies"]]
+    asked = project["dependencies"] + project["optional-dependencies"]["cluster"]
+    waiting = [(Requirement(dependency), project["name"]) for dependency in asked]
     while waiting:
         wanted, by = waiting.pop()
         name = canonicalize_name(wanted.name)
@@ -61,8 +62,8 @@ def needed() -> dict[str, set[str]]:
         found.setdefault(name, set()).add(by)
         if seen and not wanted.extras:
             continue
-        asked = map(Requirement, distribution(name).requires or [])
-        waiting += [(requirement, name) for requirement in asked if _applies(requirement, extras)]
+        requirements = map(Requirement, distribution(name).requires or [])
+        waiting += [(requirement, name) for requirement in requirements if _applies(requirement, extras)]
     return found
 
 
