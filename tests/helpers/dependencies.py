@@ -10,6 +10,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
+OLDEST_PYTHON = {"python_version": "3.11", "python_full_version": "3.11.0"}
+"""An installation there brings most; the page is the same whichever Python writes it."""
 HEAD = """# Dependencies
 
 The table lists what `pip install -c constraints.txt ./deconflict_client '.[cluster]'` installs besides these two
@@ -68,7 +70,8 @@ def needed() -> dict[str, set[str]]:
 
 
 def _applies(requirement: Requirement, extras: set[str]) -> bool:
-    return requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in extras)
+    marker = requirement.marker
+    return marker is None or any(marker.evaluate(OLDEST_PYTHON | {"extra": extra}) for extra in extras)
 
 
 def licence(name: str) -> str:
