@@ -70,7 +70,7 @@ lock:
 	rm -rf build/lock locks && mkdir -p locks
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --disable-pip-version-check 'uv>=0.9'
-	$(LOCK) pyproject.toml --output-file locks/runtime.txt
+	$(LOCK) pyproject.toml --extra cluster --output-file locks/runtime.txt
 	$(LOCK) pyproject.toml $(EXTRAS:%=--extra %) --output-file locks/development.txt
 	$(LOCK) deconflict_client/pyproject.toml --output-file locks/client.txt
 	echo hatchling | $(LOCK) - --output-file locks/build.txt

@@ -1,4 +1,6 @@
-"""The unit file is one that systemd accepts and calls well shut in; the container file takes the same steps."""
+"""The unit file is one that systemd accepts and calls well shut in; the container file takes the same steps.
+
+The documents install what both need, also without a network."""
 
 import json
 import os
@@ -16,6 +18,7 @@ import yaml
 from deconflict.__main__ import parser
 from deconflict.operator.http.access import verify_credentials
 from deconflict.roles.processes.role_process import STOP_TIMEOUT_S
+from deconflict.roles.processes.supervisor import PARTS
 from deconflict.settings.site import DEFAULT, Operator, Site
 from ingest.security.tokens import SecretError
 from ingest.settings import Tls, Vendor
@@ -23,6 +26,7 @@ from ingest.settings import Tls, Vendor
 ROOT = Path(__file__).parent.parent
 COMPOSE, MONITORING = ROOT / "deploy" / "compose.yaml", ROOT / "deploy" / "monitoring"
 UNIT, CONTAINER = ROOT / "deploy" / "deconflict.service", ROOT / "Containerfile"
+ENVIRONMENT = "/etc/deconflict/environment"
 NOBODY = 65534
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
@@ -104,10 +108,30 @@ def test_the_unit_waits_for_what_the_service_says_and_watches_that_it_goes_on() 
     assert found == {"Type": "notify", "NotifyAccess": "main", "Restart": "always"}
 
 
-def test_the_command_of_the_unit_exists() -> None:
+def unit_command(parts: str = "") -> list[str]:
+    """The command of the unit, with these `DECONFLICT_PARTS`."""
     command = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
     assert command
-    assert parser().parse_args(command[1].split()).command == "serve"
+    return command[1].replace(" $DECONFLICT_PARTS", f" {parts}").split()
+
+
+def test_the_command_of_the_unit_exists() -> None:
+    args = parser().parse_args(unit_command())
+    assert (args.command, args.part) == ("serve", None)
+
+
+def test_the_unit_runs_the_parts_that_the_environment_of_the_machine_names() -> None:
+    page = (ROOT / "docs" / "cluster.md").read_text()
+    found = re.findall(r"^DECONFLICT_PARTS=(.+?)(?: +#.*)?$", page, re.M)
+    assert found
+    parts = [part for given in found for part in parser().parse_args(unit_command(given)).part]
+    assert set(parts) == set(PARTS)
+    lines = [line for line in UNIT.read_text().splitlines() if line.startswith("Environment")]
+    assert [lines.index(line) for line in ("Environment=DECONFLICT_PARTS=", f"EnvironmentFile=-{ENVIRONMENT}")] == [
+        0,
+        1,
+    ]
+    assert f"`{ENVIRONMENT}`" in page
 
 
 def steps() -> list[tuple[str, str]]:
@@ -134,19 +158,60 @@ def test_everything_that_the_container_installs_has_a_hash() -> None:
 
 def test_the_container_runs_the_same_command_as_the_unit() -> None:
     command = [*json.loads(given("ENTRYPOINT")), *json.loads(given("CMD"))]
-    unit = re.search(r"^ExecStart=\S+/deconflict (.+)$", UNIT.read_text(), re.M)
-    assert unit
-    assert [Path(command[0]).name, *command[1:]] == ["deconflict", *unit[1].split()]
-    assert command[command.index("--data") + 1] == given("VOLUME")
+    assert [Path(command[0]).name, *command[1:]] == ["deconflict", *unit_command()]
+    assert command[command.index("--data") + 1] in json.loads(given("VOLUME"))
     assert given("EXPOSE") == f"{DEFAULT.receiver.port} {DEFAULT.operator.port}"
 
 
 def test_the_container_runs_as_a_user_of_its_own_and_ends_as_it_should() -> None:
+    """By number, so that the owner of a volume is known and Kubernetes sees that it is not root."""
     words = [keyword for keyword, _ in steps()]
     made = next(step for keyword, step in steps() if keyword == "RUN" and "useradd" in step)
-    assert given("USER") == made.split(" && ")[0].split()[-1]
+    user, group = (re.search(rf"{option} (\d+)", made) for option in ("useradd --uid", "groupadd --gid"))
+    assert user
+    assert group
+    assert given("USER") == f"{user[1]}:{group[1]}"
     assert words.index("USER") < words.index("ENTRYPOINT")
     assert given("STOPSIGNAL") == "SIGTERM"
+
+
+def test_the_health_check_of_the_container_asks_for_the_ports_of_the_site_file_that_it_runs() -> None:
+    _, _, command = given("HEALTHCHECK").partition("CMD ")
+    program, *arguments = json.loads(command)
+    assert [program] == json.loads(given("ENTRYPOINT"))
+    asked, served = parser().parse_args(arguments), parser().parse_args(json.loads(given("CMD")))
+    assert (asked.command, asked.site) == ("alive", served.site)
+
+
+def test_both_stages_of_the_container_begin_with_one_base_that_a_build_may_name_by_digest() -> None:
+    assert [given.split()[0] for keyword, given in steps() if keyword == "FROM"] == ["${BASE}", "${BASE}"]
+    assert given("ARG").startswith("BASE=docker.io/library/python:3.13")
+
+
+def test_what_git_ignores_enters_no_image_whichever_program_builds_it() -> None:
+    """docker reads .dockerignore only. podman reads it, too, unless there is a .containerignore."""
+    ignored = (ROOT / ".gitignore").read_text().split()
+    as_docker = {name.strip("/") if name.startswith("/") else f"**/{name.strip('/')}" for name in ignored}
+    assert {".git", *as_docker} == set((ROOT / ".dockerignore").read_text().splitlines()[1:])
+    assert not (ROOT / ".containerignore").exists()
+
+
+def installs(text: str) -> list[str]:
+    """The arguments of each `pip install` in it."""
+    return re.findall(r"pip install (.+?)(?: +#.*)?$", text, re.M)
+
+
+def test_the_documented_installation_builds_with_what_the_locks_have_so_it_needs_no_network() -> None:
+    section = (ROOT / "docs" / "operation.md").read_text().partition("## With systemd")[2].partition("\n## ")[0]
+    locked, built = installs(section)
+    locks = re.findall(r"-r (\S+)", locked)
+    assert locks == ["locks/runtime.txt", "locks/build.txt"]
+    assert "--require-hashes --only-binary :all:" in locked
+    assert built == "--no-deps --no-build-isolation ./deconflict_client ."
+    download = re.search(r"pip download (.+)$", section, re.M)
+    assert download
+    assert re.findall(r"-r (\S+)", download[1]) == locks
+    assert "PIP_NO_INDEX=1" in section
 
 
 def test_kernels_are_kept_where_the_service_may_write() -> None:
@@ -155,6 +220,7 @@ def test_kernels_are_kept_where_the_service_may_write() -> None:
     assert kept
     assert kept[1] == "/var/cache/" + re.findall(r"^CacheDirectory=(\S+)$", UNIT.read_text(), re.M)[0]
     assert given("ENV") == f"NUMBA_CACHE_DIR={kept[1]}"
+    assert kept[1] in json.loads(given("VOLUME")), "nothing else can be written to with --read-only"
 
 
 def services() -> dict[str, Any]:
@@ -176,6 +242,26 @@ def test_the_commands_of_the_containers_are_understood_and_reach_nobody_but_this
     ports = [port for service in services().values() for port in service.get("ports", [])]
     assert ports
     assert all(port.startswith("127.0.0.1:") for port in ports)
+
+
+def test_the_containers_are_limited_and_those_of_the_service_shut_in() -> None:
+    for name, service in services().items():
+        assert {"mem_limit", "pids_limit", "restart"} <= service.keys(), name
+        assert service["security_opt"] == ["no-new-privileges:true"], name
+        assert {"max-size", "max-file"} <= service["logging"]["options"].keys(), name
+        if service["image"] == "amr-deconflict":
+            assert (service["cap_drop"], service["read_only"]) == (["ALL"], True), name
+            assert service["tmpfs"], name
+    unit = dict(re.findall(r"^(MemoryMax|LimitNOFILE)=(.+)$", UNIT.read_text(), re.M))
+    served = services()["deconflict"]
+    assert (served["mem_limit"].upper(), str(served["ulimits"]["nofile"])) == (unit["MemoryMax"], unit["LimitNOFILE"])
+    assert served["cpus"]
+
+
+def test_only_what_serves_is_asked_whether_it_is_alive() -> None:
+    for name, service in services().items():
+        if service["image"] == "amr-deconflict":
+            assert service.get("healthcheck", {}).get("disable", False) == (service["command"][0] != "serve"), name
 
 
 def test_grafana_finds_prometheus_and_prometheus_the_service() -> None:

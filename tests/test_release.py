@@ -43,6 +43,9 @@ def test_what_runs_and_what_builds_it_is_locked() -> None:
     assert locked("client").items() <= locked("runtime").items()
     assert {canonicalize_name(Requirement(each).name) for each in CLIENT["dependencies"]} <= locked("client").keys()
     assert needed().keys() <= locked("runtime").keys(), "run make lock"
+    cluster = {canonicalize_name(Requirement(each).name) for each in SERVICE["optional-dependencies"]["cluster"]}
+    assert cluster
+    assert cluster <= locked("runtime").keys(), "what is installed from the lock takes part in a cluster"
     assert locked("runtime").keys() <= locked("development").keys()
     assert "hatchling" in locked("build")
     assert pinned().keys() <= locked("development").keys() | locked("build").keys(), "run make lock"

@@ -1,4 +1,4 @@
-"""The commands that run the service: `serve` and `prepare`; and `site new`, which listens like it."""
+"""The commands that run the service: `serve`, `alive` and `prepare`; and `site new`, which listens like it."""
 
 import argparse
 import asyncio
@@ -12,6 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from deconflict.roles.processes.alive_command import ask_ports
 from deconflict.roles.processes.data_formats import refuse_newer
 from deconflict.roles.processes.ports import port_number, refuse_taken
 from deconflict.roles.processes.supervisor import PARTS, PORTS, Supervisor
@@ -37,15 +38,20 @@ def add_service_commands(commands: Commands) -> None:
         "deconflict serve SITE.toml --host 0.0.0.0 --data /var/lib/deconflict",
         "deconflict serve        # without a site file every datum is a separate floor",
     )
-    serve_parser.add_argument(
-        "site", nargs="?", type=Path, metavar="SITE.toml", help="the site file; without it, each datum is a floor"
-    )
-    add_ports(serve_parser)
+    _add_served(serve_parser)
+    _add_open(serve_parser)
     serve_parser.add_argument("--data", type=Path, help="directory for recordings and advisories")
-    serve_parser.add_argument(
-        "--part", action="append", choices=list(PARTS), help="the part of a cluster to run here; may be repeated"
-    )
     serve_parser.set_defaults(run=_serve)
+
+    alive_parser = add_command(
+        commands,
+        "alive",
+        "ask the ports of a service on this machine whether they answer; exit code 0 also if its health is not ok",
+        "deconflict alive SITE.toml",
+        "deconflict alive SITE.toml --part ingest      # with the same ports and parts as `serve`",
+    )
+    _add_served(alive_parser)
+    alive_parser.set_defaults(run=_alive)
 
     prepare_parser = add_command(
         commands,
@@ -56,9 +62,28 @@ def add_service_commands(commands: Commands) -> None:
     prepare_parser.set_defaults(run=_prepare)
 
 
+def _add_served(command: argparse.ArgumentParser) -> None:
+    """What a service on this machine serves."""
+    command.add_argument(
+        "site", nargs="?", type=Path, metavar="SITE.toml", help="the site file; without it, each datum is a floor"
+    )
+    _add_addresses(command)
+    command.add_argument(
+        "--part", action="append", choices=list(PARTS), help="the part of a cluster that runs here; may be repeated"
+    )
+
+
 def add_ports(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--host", help="address that both ports listen on; this machine only by default")
+    _add_addresses(command)
+    _add_open(command)
+
+
+def _add_open(command: argparse.ArgumentParser) -> None:
     command.add_argument("--open", action="store_true", help="allow access without credentials, also from a network")
+
+
+def _add_addresses(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--host", help="address that both ports listen on; this machine only by default")
     command.add_argument(
         "--robots-port",
         type=port_number,
@@ -131,6 +156,10 @@ def _serve(args: argparse.Namespace) -> int:
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.request())
         supervisor.run(stop)
     return 0
+
+
+def _alive(args: argparse.Namespace) -> int:
+    return ask_ports(settings_of(args, args.site), args.part or PARTS)
 
 
 def _prepare(_: argparse.Namespace) -> int:

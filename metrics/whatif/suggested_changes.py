@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
@@ -134,10 +135,10 @@ def _passes(site: Site, floor: RecordedFloor, demand: Demand) -> dict[PlaceKey, 
 
 def loss_evidence(floor: RecordedFloor, site: Site, warnings: Sequence[WarningCounts] = ()) -> LossEvidence:
     """The losses of a log as the ledger of the service would sum them."""
-    ledger = LossLedger(None, LossSettings())
     placed = LossPlaces.of(site).placed(floor.losses, floor.floors)
-    ledger.add("log", 1, ledger_entries(placed))
-    answers = [ledger.ask(question) for question in evidence_questions(0.0, floor.span_s + HOUR_S)]
+    with closing(LossLedger(None, LossSettings())) as ledger:
+        ledger.add("log", 1, ledger_entries(placed))
+        answers = [ledger.ask(question) for question in evidence_questions(0.0, floor.span_s + HOUR_S)]
     return evidence_of(answers, warnings=warnings, span_s=floor.span_s)
 
 

@@ -10,11 +10,13 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
+OLDEST_PYTHON = {"python_version": "3.11", "python_full_version": "3.11.0"}
+"""An installation there brings most; the page is the same whichever Python writes it."""
 HEAD = """# Dependencies
 
-The table lists what `pip install -c constraints.txt ./deconflict_client .` installs besides these two packages. The
-versions are those that were tested. Each licence is the one in the metadata of the package.
-`python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
+The table lists what `pip install -c constraints.txt ./deconflict_client '.[cluster]'` installs besides these two
+packages, and `locks/runtime.txt` has. The versions are those that were tested. Each licence is the one in the metadata
+of the package. `python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
 
 ## Known vulnerabilities
 
@@ -52,7 +54,8 @@ def needed() -> dict[str, set[str]]:
     """Every package that an installation brings, and which ask for it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     found: dict[str, set[str]] = {}
-    waiting = [(Requirement(dependency), project["name"]) for dependency in project["dependencies"]]
+    asked = project["dependencies"] + project["optional-dependencies"]["cluster"]
+    waiting = [(Requirement(dependency), project["name"]) for dependency in asked]
     while waiting:
         wanted, by = waiting.pop()
         name = canonicalize_name(wanted.name)
@@ -61,13 +64,14 @@ def needed() -> dict[str, set[str]]:
         found.setdefault(name, set()).add(by)
         if seen and not wanted.extras:
             continue
-        asked = map(Requirement, distribution(name).requires or [])
-        waiting += [(requirement, name) for requirement in asked if _applies(requirement, extras)]
+        requirements = map(Requirement, distribution(name).requires or [])
+        waiting += [(requirement, name) for requirement in requirements if _applies(requirement, extras)]
     return found
 
 
 def _applies(requirement: Requirement, extras: set[str]) -> bool:
-    return requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in extras)
+    marker = requirement.marker
+    return marker is None or any(marker.evaluate(OLDEST_PYTHON | {"extra": extra}) for extra in extras)
 
 
 def licence(name: str) -> str:

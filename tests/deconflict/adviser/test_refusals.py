@@ -1,5 +1,6 @@
 """What refusing advice costs other robots, as it is booked."""
 
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -120,13 +121,13 @@ def test_advice_that_is_not_needed_any_more_was_not_refused() -> None:
 
 def test_both_kinds_of_refusals_are_summed_by_vendor_beside_lost_time_and_count_once() -> None:
     unable, busy = (first_refuses(Reply("declined", why), queued()).refusals[:1] for why in ("cannot", "busy"))
-    ledger = LossLedger(None, LossSettings())
-    ledger.add("engine", 1, refusal_entries([*unable, *busy, *busy]))
-    (row,) = ledger.ask(LossQuestion(START_S, START_S + 3600.0, ("by",))).rows
+    with closing(LossLedger(None, LossSettings())) as ledger:
+        ledger.add("engine", 1, refusal_entries([*unable, *busy, *busy]))
+        (row,) = ledger.ask(LossQuestion(START_S, START_S + 3600.0, ("by",))).rows
+        models = ledger.ask(LossQuestion(START_S, START_S + 3600.0, ("vendor", "model", "kind"))).rows
     assert row.model_dump()["by"] == "Larch"
     assert (row.refusals, row.refused_s, row.unable, row.unable_s) == (2, 8.0, 1, 4.0)
     assert (row.lost_s, row.losses) == (0.0, 0)
-    models = ledger.ask(LossQuestion(START_S, START_S + 3600.0, ("vendor", "model", "kind"))).rows
     assert {(row["vendor"], row["model"], row["kind"]) for row in map(dict, models)} == {
         ("Rowan", "Q", "deadlock"),
         ("Pine", "Q", "queue"),

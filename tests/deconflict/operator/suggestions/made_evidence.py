@@ -1,6 +1,7 @@
 """Ledgers that were made up, and the evidence from them."""
 
 from collections.abc import Sequence
+from contextlib import closing
 
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger
 from deconflict.operator.ledger.loss_questions import HOUR_S
@@ -51,9 +52,9 @@ def evidence(
     forecasts: dict[str, VendorForecasts] | None = None,
     warnings: Sequence[WarningCounts] = (),
 ) -> LossEvidence:
-    ledger = LossLedger(None, LossSettings())
-    ledger.add("engine", 1, entries)
-    answers = [ledger.ask(question) for question in evidence_questions(START_S, START_S + HOURS * HOUR_S)]
+    with closing(LossLedger(None, LossSettings())) as ledger:
+        ledger.add("engine", 1, entries)
+        answers = [ledger.ask(question) for question in evidence_questions(START_S, START_S + HOURS * HOUR_S)]
     return evidence_of(answers, forecasts, warnings)
 
 
