@@ -108,6 +108,7 @@ class EngineMember:
                 self._keep_learned(),
                 self._global_engine.run(lambda: self._table.global_engine == self.name),
             )
+            await self._bus.roster.leave()
             with suppress(*BUS_ERRORS):
                 await self._keep_learned_now()
         finally:
@@ -154,7 +155,7 @@ class EngineMember:
     async def _beat(self) -> None:
         """Send a heartbeat, and write the owner table if a tile needs another owner."""
         state = self._bus.state
-        await state.beat(self.name, self._document)
+        await self._bus.beat(self.name, self._document)
         members = state.members()
         number, document = await state.table()
         table = OwnerTable.of_document(document) if document else OwnerTable()

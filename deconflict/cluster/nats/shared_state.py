@@ -61,6 +61,10 @@ class SharedState:
         }
         return {member: document for member, (_, document) in self._heartbeats.items()}
 
+    def working(self) -> set[str]:
+        """The members that do their work: not an ingest whose receiver does not answer."""
+        return {member for member, document in self.members().items() if document.get("receives", True)}
+
     def ingests(self) -> set[str]:
         """The members that are ingests."""
         return {member for member in self.members() if member.startswith(FEED)}
