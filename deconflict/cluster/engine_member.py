@@ -26,7 +26,7 @@ from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import reach_m
@@ -108,9 +108,7 @@ class EngineMember:
                 self._keep_learned(),
                 self._global_engine.run(lambda: self._table.global_engine == self.name),
             )
-            await self._bus.roster.leave()
-            with suppress(*BUS_ERRORS):
-                await self._keep_learned_now()
+            await call_last(self._bus, self._bus.roster.leave, self._keep_learned_now)
         finally:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()

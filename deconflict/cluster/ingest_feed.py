@@ -9,7 +9,7 @@ from uuid import uuid4
 from deconflict.cluster.broker_share import BrokerShare
 from deconflict.cluster.identity_exchange import IdentityExchange
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import ChannelSorter, parcels_of, reach_m
@@ -59,7 +59,7 @@ class IngestFeed:
             exchange = IdentityExchange(self._bus, self._receiver)
             repeated = [beat_repeatedly(self._bus, each) for each in (self._beat, self._brokers.renew)]
             await run_until(stop, *repeated, self._feed(), exchange.run())
-            await self._bus.roster.leave()
+            await call_last(self._bus, self._bus.roster.leave)
         finally:
             await self._bus.close()
 

@@ -17,7 +17,7 @@ from deconflict.cluster.members_health import UNHEARD, members_document, unknown
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.loss_stream import LossRecord
 from deconflict.cluster.nats.member_roster import part_of
-from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.parcels import REFUSED, packed_parcel
@@ -62,7 +62,7 @@ class StoreFollower:
                 repeated = [beat_repeatedly(self._bus, each) for each in (self._beat, self._report_engines)]
                 following = self._follow(), self._follow_losses(), self._check_stream_repeatedly()
                 await run_until(stop, *following, *repeated, self._ingests.run())
-            await self._bus.roster.leave()
+            await call_last(self._bus, self._bus.roster.leave)
         except AnotherStreamError as error:
             log.error("%s", error)
             await run_until(stop, self._begin_anew())

@@ -3,7 +3,6 @@
 So a member that died is known, with its host, after its heartbeats have been forgotten, and to faces that start later.
 """
 
-import asyncio
 import json
 import os
 import socket
@@ -16,7 +15,7 @@ from nats.aio.msg import Msg
 from nats.js import api
 from nats.js.errors import BadRequestError
 
-from deconflict.cluster.nats.nats_connection import QUICK_TIMEOUT_S, NatsConnection
+from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.shared_state import LEASE_S, SharedState
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS, newest_of_each
 
@@ -91,11 +90,9 @@ class MemberRoster:
                 return
 
     async def leave(self) -> None:
-        """Say goodbye for the member of this process, if a server hears it: then nobody misses it."""
-        if self._member and self._connection.is_connected():
-            with suppress(*BUS_ERRORS):
-                async with asyncio.timeout(QUICK_TIMEOUT_S):
-                    await self._bucket.delete(self._member)
+        """Say goodbye for the member of this process: then nobody misses it."""
+        if self._member:
+            await self._bucket.delete(self._member)
 
     def gone(self) -> list[NotedMember]:
         """The members that do not work any more and did not say goodbye, the one that was heard last first."""
