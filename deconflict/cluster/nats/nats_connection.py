@@ -41,13 +41,13 @@ class NatsConnection:
         """When the last reconnect was complete, monotonic time."""
         self._credentials, self._certificates = credentials(settings), certificates(settings)
         self._subscriptions: list[Subscription] = []
-        self._reconnected = asyncio.Event()
+        self._reconnected, self._is_closed = asyncio.Event(), False
         self._renewing: asyncio.Task[None] | None = None
         self._warned_s: dict[str, float] = {}
         """When each warning was logged last."""
 
     async def connect(self) -> None:
-        self.client = Client()
+        self.client, self._is_closed = Client(), False
         await self.client.connect(
             list(self.settings.nats),
             max_reconnect_attempts=-1,
@@ -71,6 +71,7 @@ class NatsConnection:
         with suppress(*BUS_ERRORS):
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 await self.client.close()
+        self._is_closed = True
 
     def is_connected(self) -> bool:
         return bool(self.client.is_connected)
@@ -130,12 +131,22 @@ class NatsConnection:
             log.warning("%s", text)
 
     async def _on_reconnect(self) -> None:
+        self._end_attempts()
         self._reconnected.set()
 
     async def _on_error(self, error: Exception) -> None:
         """The client retries five times a second; `warn` limits the log."""
+        self._end_attempts()
         self.warn(f"the NATS server: {error or type(error).__name__}")
         await self._renew_certificates()
+
+    def _end_attempts(self) -> None:
+        """End the client's task that connects again if this is closed.
+
+        Its cancellation is lost if it comes together with a refused connection, and the process would never end.
+        """
+        if self._is_closed:
+            raise asyncio.CancelledError
 
     async def _renew_certificates(self) -> None:
         """Use changed files for the next attempt. The client has no call for this; it asks its options each time."""
