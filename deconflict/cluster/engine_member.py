@@ -26,7 +26,7 @@ from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.own_ingest import OwnFace, OwnIngest
@@ -113,8 +113,7 @@ class EngineMember:
                 self._keep_learned(),
                 self._global_engine.run(lambda: self._table.global_engine == self.name),
             )
-            with suppress(*BUS_ERRORS):
-                await self._keep_learned_now()
+            await call_last(self._bus, self._bus.roster.leave, self._keep_learned_now)
         finally:
             self._adviser.shutdown(cancel_futures=True)
             await self._bus.close()
@@ -163,7 +162,7 @@ class EngineMember:
     async def _beat(self) -> None:
         """Send a heartbeat, and write the owner table if a tile needs another owner."""
         state = self._bus.state
-        await state.beat(self.name, self._document)
+        await self._bus.beat(self.name, self._document)
         members = state.members()
         number, document = await state.table()
         table = OwnerTable.of_document(document) if document else OwnerTable()

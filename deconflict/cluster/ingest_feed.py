@@ -9,7 +9,7 @@ from uuid import uuid4
 from deconflict.cluster.broker_share import BrokerShare
 from deconflict.cluster.identity_exchange import IdentityExchange
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import ChannelSorter, parcels_of, reach_m
@@ -42,6 +42,8 @@ class IngestFeed:
         self._current_site = CurrentSite(runtime, site)
         self._sorter = self._new_sorter()
         self._name = f"{FEED}{uuid4().hex[:12]}"
+        self._receives = False
+        """Whether the receiver has answered the last call."""
         self._brokers = BrokerShare(self._name, self._bus.state, self._receiver, site)
 
     def _new_sorter(self) -> ChannelSorter:
@@ -57,12 +59,14 @@ class IngestFeed:
             exchange = IdentityExchange(self._bus, self._receiver)
             repeated = [beat_repeatedly(self._bus, each) for each in (self._beat, self._brokers.renew)]
             await run_until(stop, *repeated, self._feed(), exchange.run())
+            await call_last(self._bus, self._bus.roster.leave)
         finally:
             await self._bus.close()
 
     async def _beat(self) -> None:
         began_s, roots = time.monotonic(), sorted(map(str, self._sorter.roots()))
-        await self._bus.state.beat(self._name, {"roots": roots, "brokers": self._brokers.offer()})
+        document = {"roots": roots, "brokers": self._brokers.offer(), "receives": self._receives}
+        await self._bus.beat(self._name, document)
         self._brokers.note_heartbeat(began_s)
 
     async def _feed(self) -> None:
@@ -71,10 +75,10 @@ class IngestFeed:
             try:
                 batch = Batch.from_bytes(await self._receiver.call("batch", request))
             except LinkDownError:
-                request = b"everything"
+                request, self._receives = b"everything", False
                 await asyncio.sleep(RETRY_S)
                 continue
-            request = b""
+            request, self._receives = b"", True
             if site := self._current_site.changed():
                 self._conflict = site.conflict
                 self._brokers.use(site)

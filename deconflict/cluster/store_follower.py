@@ -9,12 +9,15 @@ import logging
 import time
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
+from deconflict.cluster.members_health import UNHEARD, members_document, unknown_members
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.loss_stream import LossRecord
-from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.member_roster import part_of
+from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.parcels import REFUSED, packed_parcel
@@ -42,7 +45,8 @@ class StoreFollower:
     """Connects one operator face to the cluster."""
 
     def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
-        self._bus, self._runtime = Bus(settings, site.store.keep_days), runtime
+        self._bus, self._settings, self._runtime = Bus(settings, site.store.keep_days), settings, runtime
+        self._name = f"face-{uuid4().hex[:12]}"
         self._operator = AsyncCaller(runtime, "operator")
         self._ingests = IngestCalls(self._bus)
         self._records: asyncio.Queue[StreamRecord] = asyncio.Queue()
@@ -53,11 +57,12 @@ class StoreFollower:
         if not await open_bus(self._bus, stop):
             return
         try:
-            calls = {"answer": self._answer, "presence": self._presence, **self._ingests.handlers()}
-            async with listening(socket_path(self._runtime, "follower"), calls):
-                reporting = beat_repeatedly(self._bus, self._report_engines)
+            own = {"answer": self._answer, "presence": self._presence, "members": self._members}
+            async with listening(socket_path(self._runtime, "follower"), own | self._ingests.handlers()):
+                repeated = [beat_repeatedly(self._bus, each) for each in (self._beat, self._report_engines)]
                 following = self._follow(), self._follow_losses(), self._check_stream_repeatedly()
-                await run_until(stop, *following, reporting, self._ingests.run())
+                await run_until(stop, *following, *repeated, self._ingests.run())
+            await call_last(self._bus, self._bus.roster.leave)
         except AnotherStreamError as error:
             log.error("%s", error)
             await run_until(stop, self._begin_anew())
@@ -108,6 +113,9 @@ class StoreFollower:
             except LinkDownError:
                 await asyncio.sleep(RETRY_S)
 
+    async def _beat(self) -> None:
+        await self._bus.beat(self._name, {})
+
     async def _report_engines(self) -> None:
         """Report to the operator face that engines are alive, with their measures and the robots' presence."""
         members = self._bus.state.members().values()
@@ -121,6 +129,15 @@ class StoreFollower:
         """Whether a server is connected, and whether an ingest is alive."""
         up = {"nats": self._bus.connection.is_connected(), "ingest": bool(self._bus.state.ingests())}
         return json.dumps(up).encode()
+
+    async def _members(self, _: bytes) -> bytes:
+        """The part `members` of the health. A face that does not hear itself does not know who is there."""
+        there = self._bus.state.working()
+        if self._name in there and self._bus.state.knows_members():
+            document = members_document(self._settings, map(part_of, there), self._bus.roster.gone())
+        else:
+            document = unknown_members(UNHEARD)
+        return json.dumps(document).encode()
 
     async def _answer(self, payload: bytes) -> bytes:
         """Write an answer to the stream, which returns it to every operator face with its number.

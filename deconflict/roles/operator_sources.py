@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from deconflict.cluster.members_health import SILENT_FOLLOWER, unknown_members
 from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -44,6 +45,8 @@ HEALTH_TIMEOUT_S = 3.0
 LIVE_QUESTIONS = "unidentified", "senders", "brokers"
 """Questions to the receiver for the page; each answer is a list."""
 REFUSALS_EVERY_S = 5.0
+MEMBERS = {"deconflict_members": "there", "deconflict_members_expected": "expected"}
+"""By metric, the key of the part `members` of the health."""
 RELOAD_CHECK_S = 0.1
 ALONE = (
     "No NATS server is connected: you see and are warned of the robots of this machine only, without queues, deadlocks "
@@ -121,11 +124,13 @@ class OperatorSources:
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers. Old measures of the others are left out."""
         receiver = await self._receiver_measures()
-        up, own = await self._roles_up(receiver is not None), Measures()
+        up, members, own = await self._roles_up(receiver is not None), await self._members(), Measures()
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
         ends = self.certificates.expiry_s(self.history.site)
         own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
+        for name, key in MEMBERS.items():
+            own.level(name, {(part,): float(count) for part, count in members.get(key, {}).items()})
         if not self._is_cluster and not self._is_alone:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
@@ -158,9 +163,11 @@ class OperatorSources:
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
         }
-        if self._is_alone:
+        if self._is_cluster:
+            parts["members"] = await self._members()
+        elif self._is_alone:
             parts["cluster"] = {"status": "degraded", "reason": ALONE}
-        elif not self._is_cluster:
+        else:
             parts["canary"] = self._engine.canary.document(time.monotonic())
         is_ok = all(up.values()) and all(part["status"] == "ok" for part in parts.values())
         return {
@@ -209,6 +216,7 @@ class OperatorSources:
         no longer there was heard last.
         """
         receiver, documents = await self._receiver_measures(), self._engine.measures
+        members: str = (await self._members()).get("reason", "")
         up = await self._roles_up(receiver is not None)
         unidentified, senders, brokers = [], [], []
         if receiver is not None:
@@ -225,7 +233,7 @@ class OperatorSources:
             "preparing": preparation(self._runtime),
             "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),
-            "notice": " ".join(filter(None, [self.notice, self.clock.notice])),
+            "notice": " ".join(filter(None, [self.notice, self.clock.notice, members and f"{members}."])),
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
             "unidentified": unidentified,
             "fading": presence["fading"],
@@ -271,6 +279,7 @@ class OperatorSources:
         """Which roles are up; in a cluster, whether one of each is. `receiver` is whether the receiver answers."""
         engine = time.monotonic() - self._engine.received_s < ENGINE_STALE_S
         before = await self._cluster_up() if self._is_cluster else {"receiver": receiver}
+        before |= {"nats": False} if self._is_alone else {}
         return before | {"engine": engine and self._reported_engine_runs(), "operator": True}
 
     async def _cluster_up(self) -> dict[str, bool]:
@@ -280,6 +289,16 @@ class OperatorSources:
         except LinkDownError:
             return {"nats": False, "ingest": False}
         return up
+
+    async def _members(self) -> dict[str, Any]:
+        """The part `members` of the health; empty on a single machine."""
+        if not self._is_cluster:
+            return {}
+        try:
+            members: dict[str, Any] = json.loads(await self._receiver.call("members", within_s=HEALTH_TIMEOUT_S))
+        except LinkDownError:
+            return unknown_members(SILENT_FOLLOWER)
+        return members
 
     async def _missing_role(self) -> str:
         """The role to name in the error when a question has no answer."""

@@ -9,6 +9,8 @@ from ingest.settings import SecretSource, Section
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
 
+ExpectedNumber = Annotated[int | None, Field(ge=1)]
+
 
 class Cluster(Section):
     """Several machines that share the work over a NATS server with JetStream."""
@@ -37,6 +39,16 @@ class Cluster(Section):
     """A tile with more statuses a second is split into four."""
     copies: Annotated[int, Field(ge=1, le=5)] = 1
     """Number of servers that store each advisory and the last parcels. 3 survives the loss of one."""
+    ingests: ExpectedNumber = None
+    """Number of ingests that must be there. None: as many as were seen, without those that were stopped."""
+    engines: ExpectedNumber = None
+    """The same of engines."""
+    faces: ExpectedNumber = None
+    """The same of operator faces."""
+
+    def expected(self) -> dict[str, int | None]:
+        """By part of the service, how many members must be there; None if the site file does not say."""
+        return {"ingest": self.ingests, "engine": self.engines, "face": self.faces}
 
 
 def cluster_contradictions(settings: Cluster | None) -> Iterator[str]:

@@ -124,6 +124,10 @@ def report_lines(report: SiteReport) -> Iterator[str]:
         makers = ", ".join(source.manufacturers) or "all manufacturers"
         yield ""
         yield f"broker {source.name}, {source.host}:{source.port}: {source.language} of {makers}"
+    if site.cluster:
+        expected = (f"{count or 'all seen'} {part}s" for part, count in site.cluster.expected().items())
+        yield ""
+        yield f"cluster {site.cluster.name}, expected members: {', '.join(expected)}"
 
 
 def questions(site: Site) -> Iterator[str]:

@@ -45,6 +45,21 @@ class CertificatesHealthPart(PartHealth):
     expires_s: dict[str, float] = Field({}, description="by key of the site file, Unix time of the end")
 
 
+class MissingMember(BaseModel):
+    """A member of a cluster that is not there."""
+
+    part: str
+    host: str
+    process: int
+    heard_s: float = Field(description="Unix time of when it was heard of last, to within 5 s")
+
+
+class MembersHealthPart(PartHealth):
+    there: dict[str, int] = Field({}, description="by part, how many there are; empty if that is unknown")
+    expected: dict[str, int] = Field({}, description="by part, how many must be there")
+    gone: list[MissingMember] = Field([], description="those that are missing, as far as they were ever heard of")
+
+
 class CanaryHealthPart(PartHealth):
     latency_s: float = Field(description="from the messages of made-up robots to the stored advisory")
 
@@ -95,4 +110,8 @@ class ServiceHealth(BaseModel):
     supervisor: PartHealth | None = None
     clock: PartHealth | None = None
     canary: CanaryHealthPart | None = Field(None, description="null in a cluster")
+    members: MembersHealthPart | None = Field(None, description="of a cluster; null on a single machine")
+    cluster: PartHealth | None = Field(
+        None, description="of a machine of a cluster that no NATS server is connected to; null otherwise"
+    )
     site: SiteFileState = SiteFileState()

@@ -31,6 +31,8 @@ LARGEST = frozenset(
         "deconflict_arrival_error_seconds",
         "deconflict_arrivals_late_ratio",
         "deconflict_role_up",
+        "deconflict_members",
+        "deconflict_members_expected",
         "deconflict_broker_connected",
         "deconflict_delivery_delay_seconds",
         "deconflict_engine_effort_reduced",

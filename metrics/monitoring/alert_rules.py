@@ -109,6 +109,17 @@ ALERTING_RULES = (
         "The {{ $labels.role }} has not answered for a minute. Without receiver or engine no advisory changes.",
     ),
     AlertingRule(
+        "DeconflictMembersMissing",
+        f"{level('deconflict_members', ['part'], over='min')}"
+        f" < {level('deconflict_members_expected', ['part'], over='max')}",
+        "1m",
+        "page",
+        "A part of the cluster lacks members: {{ $labels.part }}",
+        "Of this part only {{ $value }} members have been there for a minute, fewer than expected. members of "
+        "GET /healthz names those that are missing. What they did is lost or done by the others; if one more dies, "
+        "nobody may do it.",
+    ),
+    AlertingRule(
         "DeconflictVendorSilent",
         f"{level('deconflict_robots', VENDOR)} > 0 unless on (vendor) vendor:deconflict_accepted:rate5m > 0",
         "1m",

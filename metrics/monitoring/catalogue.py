@@ -310,9 +310,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "kind",
         "zone",
     ),
-    "deconflict_losses_dropped_total": counter(
-        "Losses that are missing in the ledger because it could not be written."
-    ),
+    "deconflict_losses_dropped_total": counter("Losses that the ledger lacks because it could not be written."),
     "deconflict_near_misses_total": counter(
         "Near misses: two robots came within the clearance by their forecasts, and at least one of them moved."
     ),
@@ -322,6 +320,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "outcome",
     ),
     "deconflict_role_up": gauge("1 if this role of the service answers, else 0.", "role"),
+    "deconflict_members": gauge("Members of a cluster that are there; absent without a NATS server.", "part"),
+    "deconflict_members_expected": gauge("Members of a cluster that must be there.", "part"),
     "deconflict_deadlines_missed_total": counter("Passes of the engine that took longer than engine.deadline_s."),
     "deconflict_engine_effort_reduced": gauge(
         "What the engine skips because it is overloaded: 0 nothing, 1 exact smallest separations, 2 also conflicts "

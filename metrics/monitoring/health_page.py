@@ -72,6 +72,12 @@ ENGINE = Dashboard(
         row(
             "Roles, store and stream",
             panel("Roles up", "short", measured("deconflict_role_up", ["role"], over="min"), kind="stat"),
+            panel(
+                "Members of a cluster, and expected ones",
+                "short",
+                zero_if_absent(measured("deconflict_members", ["part"], over="min")),
+                zero_if_absent(measured("deconflict_members_expected", ["part"], "{{part}} expected", over="max")),
+            ),
             panel("Restarts", "short", zero_if_absent(rated("deconflict_role_restarts_total", legend="all"))),
             panel("Release", "short", measured("deconflict_build_info", ["version"], over="max"), kind="stat"),
             panel(

@@ -1,16 +1,18 @@
 """The cluster's use of NATS. Only this folder imports its client.
 
 Parcels of robots are on `NAME.rows.CHANNEL`, in a stream in memory that keeps them for half a minute. The other parts
-of the bus are in `revision_stream`, `loss_stream`, `shared_state` and `ingest_requests`.
+of the bus are in `revision_stream`, `loss_stream`, `shared_state`, `member_roster` and `ingest_requests`.
 """
 
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 from nats.aio.msg import Msg
 from nats.js import api
 
 from deconflict.cluster.nats.ingest_requests import IngestRequests
 from deconflict.cluster.nats.loss_stream import LossStream
+from deconflict.cluster.nats.member_roster import MemberRoster
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.revision_stream import SAME_S, RevisionStream
 from deconflict.cluster.nats.shared_state import SharedState
@@ -31,6 +33,7 @@ class Bus:
         self.revisions = RevisionStream(self.connection, keep_days)
         self.losses = LossStream(self.connection)
         self.state = SharedState(self.connection)
+        self.roster = MemberRoster(self.connection, self.state)
         self.requests = IngestRequests(self.connection, self.state)
 
     @property
@@ -44,6 +47,7 @@ class Bus:
         try:
             await self._ensure()
             await self.state.follow_members()
+            await self.roster.follow()
         except BaseException:
             await self.close()
             raise
@@ -64,6 +68,12 @@ class Bus:
         await self.revisions.ensure()
         await self.losses.ensure()
         await self.state.ensure()
+        await self.roster.ensure()
+
+    async def beat(self, member: str, document: dict[str, Any]) -> None:
+        """Send a member's heartbeat, with a document for the other members."""
+        await self.state.beat(member, document)
+        await self.roster.note(member)
 
     async def send_parcel(self, channel: str, parcel: bytes) -> None:
         """Send one part of a batch, without a wait for an answer."""

@@ -6,6 +6,7 @@ import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from math import inf
+from typing import Any
 
 from nats.aio.client import Client
 from nats.aio.msg import Msg
@@ -49,13 +50,13 @@ class NatsConnection:
         """Since when no server is connected, monotonic time; None while one is."""
         self._was_cut_off = False
         """As of the last look."""
-        self._reconnected = asyncio.Event()
+        self._reconnected, self._is_closed = asyncio.Event(), False
         self._renewing: asyncio.Task[None] | None = None
         self._warned_s: dict[str, float] = {}
         """When each warning was logged last."""
 
     async def connect(self) -> None:
-        self.client = Client()
+        self.client, self._is_closed = Client(), False
         await self.client.connect(
             list(self.settings.nats),
             max_reconnect_attempts=-1,
@@ -79,6 +80,7 @@ class NatsConnection:
         with suppress(*BUS_ERRORS):
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 await self.client.close()
+        self._is_closed = True
 
     def is_connected(self) -> bool:
         return bool(self.client.is_connected)
@@ -134,6 +136,17 @@ class NatsConnection:
         except BadRequestError:  # it exists with other settings
             await self.js.update_stream(config)
 
+    async def ensure_bucket(self, kind: str, **settings: Any) -> KeyValue:
+        """Create a bucket that is kept on disk, or change how many copies there are of it."""
+        name, copies = f"{self.name}-{kind}", self.settings.copies
+        config = api.KeyValueConfig(bucket=name, replicas=copies, **{"storage": api.StorageType.FILE} | settings)
+        try:
+            return await self.js.create_key_value(config)
+        except BadRequestError:  # it exists with another number of copies
+            existing = await self.js.stream_info(f"KV_{name}")
+            await self.js.update_stream(existing.config, num_replicas=copies)
+            return await self.js.key_value(name)
+
     def fits(self, key: str, data: bytes) -> bool:
         """Whether the server accepts a message of this size. Logs a warning if not."""
         most_bytes = self.client.max_payload
@@ -155,12 +168,22 @@ class NatsConnection:
         await self._renew_certificates()
 
     async def _on_reconnect(self) -> None:
+        self._end_attempts()
         self._reconnected.set()
 
     async def _on_error(self, error: Exception) -> None:
         """The client retries five times a second; `warn` limits the log."""
+        self._end_attempts()
         self.warn(f"the NATS server: {error or type(error).__name__}")
         await self._renew_certificates()
+
+    def _end_attempts(self) -> None:
+        """End the client's task that connects again if this is closed.
+
+        Its cancellation is lost if it comes together with a refused connection, and the process would never end.
+        """
+        if self._is_closed:
+            raise asyncio.CancelledError
 
     async def _renew_certificates(self) -> None:
         """Use changed files for the next attempt. The client has no call for this; it asks its options each time."""

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import suppress
 from typing import Any, TypeVar
 
 from deconflict.cluster.nats.bus import Bus
@@ -15,6 +16,8 @@ Result = TypeVar("Result")
 
 BEAT_EVERY_S = 0.5
 CANCEL_AGAIN_S = 0.2
+LAST_S = 1.0
+"""A member that ends waits for a server at most this long."""
 
 
 async def open_bus(bus: Bus, stop: asyncio.Event) -> bool:
@@ -71,6 +74,15 @@ async def run_until(stop: asyncio.Event, *coroutines: Coroutine[Any, Any, None])
                 await task
     finally:
         await end_tasks(*tasks)
+
+
+async def call_last(bus: Bus, *calls: Callable[[], Awaitable[None]]) -> None:
+    """Make the last calls of a member that ends. They are given up if no server answers within `LAST_S`."""
+    if bus.connection.is_connected():
+        with suppress(*BUS_ERRORS):
+            async with asyncio.timeout(LAST_S):
+                for call in calls:
+                    await call()
 
 
 async def end_tasks(*tasks: asyncio.Task[Any]) -> None:

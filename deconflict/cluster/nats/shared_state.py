@@ -8,8 +8,7 @@ from typing import Any
 
 from nats.aio.msg import Msg
 from nats.js import api
-from nats.js.errors import BadRequestError, KeyWrongLastSequenceError
-from nats.js.kv import KeyValue
+from nats.js.errors import KeyWrongLastSequenceError
 
 from deconflict.cluster.nats.nats_connection import NatsConnection, entry
 from deconflict.cluster.nats.subscriptions import newest_of_each
@@ -35,22 +34,11 @@ class SharedState:
 
     async def ensure(self) -> None:
         """Create the buckets that do not exist, and have as many copies of the others as the site file says."""
-        await self._bucket("members", ttl=LEASE_S, storage=api.StorageType.MEMORY)
-        await self._bucket("table")
-        self._learned = await self._bucket("learned")
-        self._introduced = await self._bucket("introduced", max_bytes=INTRODUCTION_BYTES)
+        await self._connection.ensure_bucket("members", ttl=LEASE_S, storage=api.StorageType.MEMORY)
+        await self._connection.ensure_bucket("table")
+        self._learned = await self._connection.ensure_bucket("learned")
+        self._introduced = await self._connection.ensure_bucket("introduced", max_bytes=INTRODUCTION_BYTES)
         self._table = await self._connection.quick.key_value(f"{self._name}-table")
-
-    async def _bucket(self, kind: str, **settings: Any) -> KeyValue:
-        js, copies = self._connection.js, self._connection.settings.copies
-        name = f"{self._name}-{kind}"
-        config = api.KeyValueConfig(bucket=name, replicas=copies, **{"storage": api.StorageType.FILE} | settings)
-        try:
-            return await js.create_key_value(config)
-        except BadRequestError:  # it exists with another number of copies
-            existing = await js.stream_info(f"KV_{name}")
-            await js.update_stream(existing.config, num_replicas=copies)
-            return await js.key_value(name)
 
     async def follow_members(self) -> None:
         bucket = f"{self._name}-members"
@@ -68,6 +56,10 @@ class SharedState:
             member: heartbeat for member, heartbeat in self._heartbeats.items() if heartbeat[0] >= since_s
         }
         return {member: document for member, (_, document) in self._heartbeats.items()}
+
+    def working(self) -> set[str]:
+        """The members that do their work: not an ingest whose receiver does not answer."""
+        return {member for member, document in self.members().items() if document.get("receives", True)}
 
     def ingests(self) -> set[str]:
         """The members that are ingests."""

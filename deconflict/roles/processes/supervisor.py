@@ -72,7 +72,7 @@ class Supervisor:
         finally:
             ended.set()
             self._manager.send(STOPPING)
-            for process in (*reversed(self.roles), self.fork_server):
+            for process in (self.fork_server, *reversed(self.roles)):  # it forks no role that nobody waits for
                 process.stop()
             noting.join(DISK_TIMEOUT_S)
 

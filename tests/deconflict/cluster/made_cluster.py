@@ -57,6 +57,9 @@ class Broker:
         self._process.kill()
         self._process.wait(PATIENCE_S)
 
+    def signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
     def empty(self) -> None:
         """Put another machine in its place, which has nothing."""
         self.kill()
@@ -141,6 +144,15 @@ class Machines:
         process = self._processes.pop((machine, role))
         process.kill()
         process.communicate()
+
+    def stop(self, machine: str, role: str) -> None:
+        """As its supervisor does in order."""
+        process = self._processes.pop((machine, role))
+        process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 0
+
+    def process_of(self, machine: str, role: str) -> int:
+        return self._processes[machine, role].pid
 
     def machine_of(self, process: int) -> str:
         """The machine with a process of this number."""

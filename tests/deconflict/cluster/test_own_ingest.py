@@ -30,6 +30,7 @@ async def test_a_machine_goes_on_without_a_server_says_so_and_the_stream_has_it_
             broker.kill()
             health = await service.until("/healthz", lambda health: "cluster" in health)
             assert "robots of this machine only" in health["cluster"]["reason"] == health["notice"]
+            assert health["roles"]["nats"] == "down"
             async with service.with_robots(time.time() - 18.0):
                 alone = await service.until("/advisories", lambda answer: answer["advisories"])
                 broker.start()

@@ -216,3 +216,11 @@ def test_keys_that_wait_for_advice_in_a_cluster_are_noted(tmp_path: Path) -> Non
     assert "NOTE vendors[0].verbs: in a cluster nothing is asked of robots; `GET /advice` stays empty" in text
     assert "NOTE webhooks[0].kinds: in a cluster there is no advice to send" in text
     assert text.count("in a cluster") == 2
+
+
+def test_the_members_that_a_cluster_expects_are_stated(tmp_path: Path) -> None:
+    document = put(sound(), "cluster", {"nats": ["nats://127.0.0.1:4222"], "engines": 2})
+    assert (
+        "cluster deconflict, expected members: all seen ingests, 2 engines, all seen faces"
+        in checked(document, tmp_path)[1].splitlines()
+    )

@@ -57,6 +57,7 @@ ASIDE = 'deconflict_advisories_set_aside_total{reason="invalid"}'
 PRUNED = 'deconflict_advisories_pruned_total{{reason="{}"}}'
 CONFLICT = 'deconflict_advisories_open{kind="conflict",severity="warning"}'
 LOST = 'deconflict_lost_seconds_total{vendor="Acme",by="Acme",kind="queue",zone="Dock"}'
+THERE, EXPECTED = 'deconflict_members{part="engine"}', 'deconflict_members_expected{part="engine"}'
 DAY_MIN = 1440
 
 NOT_COMPARED = 'deconflict_robots_not_compared{vendor="Acme",fault="no map"}'
@@ -68,6 +69,9 @@ CASES = [
     Case("DeconflictAbsent", 10, None, {'deconflict_build_info{version="1"}': "1x10"}),
     Case("DeconflictRoleDown", 5, {"role": "engine"}, {'deconflict_role_up{role="engine"}': "1 0x9"}),
     Case("DeconflictRoleDown", 5, None, {'deconflict_role_up{role="engine"}': "1 1 0 1 1 1 1"}),
+    Case("DeconflictMembersMissing", 5, {"part": "engine"}, {THERE: "2x2 1x8", EXPECTED: "2x10"}),
+    Case("DeconflictMembersMissing", 5, None, {THERE: "2x3 1 2x6", EXPECTED: "2x10"}),
+    Case("DeconflictMembersMissing", 5, None, {THERE: "3x10", EXPECTED: "2x10"}),
     Case("DeconflictVendorSilent", 20, ACME, {HEALTHY: "0+600x5 3000x20", ROBOTS: "6x30"}),
     Case("DeconflictVendorSilent", 20, None, {HEALTHY: "0+600x30", ROBOTS: "6x30"}),
     Case("DeconflictVendorSilent", 20, ACME, {ROBOTS: "6x30"}),

@@ -2,11 +2,12 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 from unittest.mock import patch
 
 import pytest
+from nats.aio.client import Client
 from nats.errors import MaxPayloadError
 from nats.js import JetStreamContext
 from nats.js.api import ConsumerConfig, ConsumerInfo
@@ -208,3 +209,25 @@ async def subscriptions(port: int) -> int:
     async with http_client() as client:
         answer = await client.get(f"http://127.0.0.1:{port}/connz")
     return int(answer.json()["connections"][0]["subscriptions"])
+
+
+async def test_nothing_tries_to_connect_after_the_end_though_a_cancellation_was_lost(tmp_path: Path) -> None:
+    trying = asyncio.Event()
+
+    async def refused(*_: object) -> None:
+        """As the standard library does if a cancellation comes together with the refusal."""
+        trying.set()
+        with suppress(asyncio.CancelledError):
+            await asyncio.sleep(0.05)
+        raise ConnectionRefusedError
+
+    others = asyncio.all_tasks()
+    others = asyncio.all_tasks()
+    async with AsyncExitStack() as stack, asyncio.timeout(PATIENCE_S):
+        (bus,) = await stack.enter_async_context(buses(broker := Broker(tmp_path), 1))
+        stack.enter_context(patch.object(Client, "_connect_to_server", refused))
+        broker.kill()
+        await trying.wait()
+        await bus.close()
+        while asyncio.all_tasks() != others:
+            await asyncio.sleep(0.02)

@@ -1,7 +1,7 @@
 """A fork server with small roles: `python -m tests.deconflict.roles.processes.forking RUNTIME ROLE...`.
 
 Each role is an action and a number. `ends 7` ends with code 7. `waits 1` runs until its standard input is closed, and
-ends with code 1. `slow 1` takes long to load.
+ends with code 1. `slow 1` takes long to load. `goes_on 1` goes on for a moment after it, and leaves a file.
 """
 
 import os
@@ -30,6 +30,10 @@ def main() -> int:
     action, number = role.split()
     if action == "waits":
         os.read(sys.stdin.fileno(), 1)
+    if action == "goes_on":
+        os.read(sys.stdin.fileno(), 1)
+        time.sleep(0.5)
+        (Path(runtime) / role).touch()
     return int(number)
 
 

@@ -6,9 +6,11 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,8 @@ import pytest
 from deconflict.roles.processes.fork_server import SOCKET_FILE
 from deconflict.roles.processes.forked_process import UNKNOWN_CODE, ForkedProcess, forked
 from deconflict.roles.processes.role_process import RoleProcess, by_command
+from deconflict.roles.processes.supervisor import Supervisor
+from deconflict.settings.site import Site
 from tests.deconflict.roles.processes.forking import LOADED
 from tests.helpers.dependencies import ROOT
 from tests.helpers.patience import PATIENCE_S
@@ -186,6 +190,37 @@ def test_a_role_whose_code_is_still_loaded_stops_at_once(tmp_path: Path, caplog:
         role.stop()
         assert role.process.poll() == UNKNOWN_CODE
         assert "did not stop" not in caplog.text, "people wait for it"
+
+
+class FrozenServer(RoleProcess):
+    """A fork server that goes on, with what it was asked for before, when it has been told to end."""
+
+    def stop(self) -> None:
+        assert self.process
+        assert self.process.pid
+        assert self.heartbeats
+        self.heartbeats.close()
+        os.kill(self.process.pid, signal.SIGCONT)
+        super().stop()
+
+
+def test_a_service_that_stops_while_it_starts_leaves_no_role_behind(tmp_path: Path) -> None:
+    supervisor, stop = Supervisor(Site(), tmp_path / "data", tmp_path), threading.Event()
+    command = [sys.executable, "-m", "tests.deconflict.roles.processes.forking", str(tmp_path)]
+    server = supervisor.fork_server = FrozenServer("fork server", by_command(command))
+    role = RoleProcess("goes_on 1", partial(forked, tmp_path, "goes_on 1"))
+    supervisor.roles = [role]
+    server.ensure(time.monotonic())
+    until_s = time.monotonic() + PATIENCE_S
+    while not (tmp_path / SOCKET_FILE).exists():
+        assert time.monotonic() < until_s
+        time.sleep(0.02)
+    assert server.process
+    os.kill(server.process.pid or 0, signal.SIGSTOP)
+    assert role.ensure(time.monotonic())
+    stop.set()
+    supervisor.run(stop)
+    assert (tmp_path / "goes_on 1").exists(), "it still runs, and its directory is removed now"
 
 
 def test_a_role_that_was_forked_just_now_is_waited_for_when_it_stops(tmp_path: Path) -> None:

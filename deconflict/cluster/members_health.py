@@ -1,0 +1,51 @@
+"""Which members of a cluster are there and how many are expected, as an operator face says it."""
+
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from deconflict.settings.cluster_settings import Cluster
+
+if TYPE_CHECKING:
+    from deconflict.cluster.nats.member_roster import NotedMember
+
+UNHEARD = "no NATS server returns this face's own heartbeats"
+REMEDY = "set cluster.ingests, engines and faces to what must be there"
+SILENT_FOLLOWER = "the follower of this face does not answer"
+
+
+def members_document(settings: Cluster, there: Iterable[str], gone: Sequence["NotedMember"]) -> dict[str, Any]:
+    """The part `members` of the health. `there` are the parts of all members that are there."""
+    found = Counter(there)
+    expected = {part: named or found[part] + _count(part, gone) for part, named in settings.expected().items()}
+    lacking = {part: number - found[part] for part, number in expected.items() if number > found[part]}
+    named = {part: [each for each in gone if each.part == part][:number] for part, number in lacking.items()}
+    reasons = [f"{part}s there: {found[part]} of {expected[part]} ({_known(each)})" for part, each in named.items()]
+    return {
+        "status": "degraded" if reasons else "ok",
+        **({"reason": f"{'; '.join(reasons)}; see its log, start it or another one, or {REMEDY}"} if reasons else {}),
+        "there": {part: found[part] for part in expected},
+        "expected": expected,
+        "gone": [each._asdict() for members in named.values() for each in members],
+    }
+
+
+def unknown_members(why: str) -> dict[str, Any]:
+    """The part `members` of the health of a face that does not know them."""
+    return {"status": "unknown", "reason": f"{why}, so it is unknown which members of the cluster are there"}
+
+
+def _count(part: str, gone: Sequence["NotedMember"]) -> int:
+    return sum(each.part == part for each in gone)
+
+
+def _known(gone: Sequence["NotedMember"]) -> str:
+    """What is known of the members of a part that are missing."""
+    return ", ".join(_last_heard(gone)) or "no other was heard of in the last day that has not said goodbye"
+
+
+def _last_heard(gone: Sequence["NotedMember"]) -> Iterator[str]:
+    for member in gone:
+        at = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(member.heard_s))
+        yield f"{member.host}, process {member.process}, was last heard of at {at} UTC"
