@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from nats.aio.msg import Msg
 from nats.js.errors import BadRequestError
+from nats.js.kv import KV_DEL, KV_OP
 
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.shared_state import LEASE_S, SharedState
@@ -88,9 +89,9 @@ class MemberRoster:
                 return
 
     async def leave(self) -> None:
-        """Say goodbye for the member of this process: then nobody misses it."""
+        """Say goodbye for the member of this process: then nobody misses it. Waits for no answer."""
         if self._member:
-            await self._bucket.delete(self._member)
+            await self._connection.client.publish(f"$KV.{self._name}.{self._member}", headers={KV_OP: KV_DEL})
 
     def gone(self) -> list[NotedMember]:
         """The members that do not work any more and did not say goodbye, the one that was heard last first."""
