@@ -9,7 +9,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -17,6 +16,7 @@ from threading import Lock
 from typing import Any
 from uuid import uuid4
 
+from deconflict.advice.advice_thread import AdviceThread
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.loss_writer import LossWriter
@@ -33,6 +33,7 @@ from deconflict.cluster.tiles.tile_channels import reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
+from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.foresight.losses.loss_places import PlacedLoss
 from deconflict.operator.ledger.loss_ledger import ledger_entries
@@ -50,6 +51,8 @@ LISTEN_S, MOST_AT_ONCE = 0.05, 32
 """Interval of the checks for new channels, and the number of subscriptions that begin at once."""
 LEARNED_NAME = "conflicts"
 """Name under which the bus keeps the learned state of conflicts."""
+LEAST_EFFORT = Effort.COARSE
+"""With less, its conflicts would be raised later than by the engines around, and these would find other homes."""
 CATCH_UP_TIMEOUT_S = 30.0
 """A new member waits at most this long for the open advisories."""
 
@@ -64,7 +67,8 @@ class EngineMember:
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()
-        self._adviser = ThreadPoolExecutor(1, "adviser")
+        self._adviser = AdviceThread()
+        self._load = LoadShedder(site.engine.deadline_s, least=LEAST_EFFORT)
         self._shard = self._shard_of(self._engine())
         self._shard_lock = Lock()
         self._losses = ShardLosses(site, self._last_advised_wait_s)
@@ -111,7 +115,7 @@ class EngineMember:
             with suppress(*BUS_ERRORS):
                 await self._keep_learned_now()
         finally:
-            self._adviser.shutdown(cancel_futures=True)
+            self._adviser.end()
             await self._bus.close()
 
     def _engine(self, learned: Mapping[str, Part] | None = None) -> Engine:
@@ -218,6 +222,7 @@ class EngineMember:
         engine = self._shard.engine.renewed(conflicts_only_site(site))
         self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
         self._losses.renew(site)
+        self._load = LoadShedder(site.engine.deadline_s, self._load.effort, LEAST_EFFORT)
         self._requested = -1
         log.info("%s uses the changed site file", self.name)
 
@@ -235,14 +240,18 @@ class EngineMember:
                 for record in group:
                     if record.home and isinstance(record.advisory, ConflictAdvisory):
                         shard.adopt(ShardRevision(record.home, record.advisory), overruled=is_overruled)
-            if tiles != shard.area.tiles:
+            if has_other_tiles := tiles != shard.area.tiles:
                 shard.set_tiles(tiles)
             own = shard.receive([Batch.from_bytes(parcel) for parcel in parcels])
             now_s = time.time()
-            due = shard.step(now_s)
+            due = shard.step(now_s, self._load.effort)
+            took_s = time.perf_counter() - began_s
+            if not has_other_tiles:
+                adapt_effort(self._load, self.measures, took_s)
+            self._adviser.count(self.measures)
             self._losses.note(now_s, [record.advisory for record in records if record.advisory])
             losses = self._losses.own(shard.engine.losses, shard.area)
-            shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+            shard.engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
             return due, arrivals_s(own, time.time()) if own else {}, losses
 
     async def _listen(self) -> None:

@@ -25,6 +25,7 @@ from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, 
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.engine_metrics import LOST_SECONDS
+from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
@@ -127,11 +128,11 @@ class Shard:
             self._arrived_s.pop(uuid, None)
         return own
 
-    def step(self, now_s: float) -> list[ShardRevision]:
-        """Run the engine. Returns the revisions that this shard publishes."""
+    def step(self, now_s: float, effort: Effort = Effort.FULL) -> list[ShardRevision]:
+        """Run the engine, with no more work than `effort` allows. Returns the revisions that this shard publishes."""
         self._adopt_updates(now_s)
         due, self._due = self._due, []
-        for revision in self.engine.step(now_s):
+        for revision in self.engine.step(now_s, effort):
             if not isinstance(revision, ConflictAdvisory):
                 continue
             where = revision.location
