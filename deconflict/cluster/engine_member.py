@@ -19,6 +19,7 @@ from uuid import uuid4
 from deconflict.advice.advice_thread import AdviceThread
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
+from deconflict.cluster.judging.heard_canaries import HeardCanaries
 from deconflict.cluster.judging.loss_writer import LossWriter
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
@@ -26,22 +27,25 @@ from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import beat_repeatedly, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tile_channels import reach_m
+from deconflict.cluster.tiles.tile_channels import CANARIES, reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.foresight.presence.presence import MOST_SHOWN
+from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from deconflict_client.advisory import ConflictAdvisory
+from deconflict_client.situations import advisories_of
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
@@ -74,6 +78,7 @@ class EngineMember:
         self._losses = ShardLosses(site, self._last_advised_wait_s)
         self._loss_writer = LossWriter(self._bus.losses, self.measures)
         self._parcels: list[bytes] = []
+        self._canaries = HeardCanaries()
         self._records: list[StreamRecord] = []
         self._needed: set[str] = set()
         """The channels that the shard needs."""
@@ -94,6 +99,7 @@ class EngineMember:
             return
         with suppress(*BUS_ERRORS):
             await self._restore_learned()
+        await answered(lambda: self._bus.follow_channel(CANARIES, self._canaries.add))
         waiting = await self._bus.revisions.follow(self._add_record)
         with suppress(TimeoutError):
             async with asyncio.timeout(CATCH_UP_TIMEOUT_S):
@@ -158,7 +164,7 @@ class EngineMember:
     async def _beat(self) -> None:
         """Send a heartbeat, and write the owner table if a tile needs another owner."""
         state = self._bus.state
-        await state.beat(self.name, self._document)
+        await state.beat(self.name, self._document | {"canary": self._canaries.oldest(state.ingests())})
         members = state.members()
         number, document = await state.table()
         table = OwnerTable.of_document(document) if document else OwnerTable()
@@ -214,6 +220,7 @@ class EngineMember:
                 *self._global_engine.measures,
             ],
             "presence": self._global_engine.presence,
+            "distrusted": self._shard.distrusted()[:MOST_SHOWN],
         }
 
     def _apply(self, site: Site) -> None:
@@ -249,8 +256,11 @@ class EngineMember:
             if not has_other_tiles:
                 adapt_effort(self._load, self.measures, took_s)
             self._adviser.count(self.measures)
-            self._losses.note(now_s, [record.advisory for record in records if record.advisory])
+            published = [record.advisory for record in records if record.advisory]
+            shard.engine.foresight.note_advice(now_s, waits_until_s(advisories_of(published)))
+            self._losses.note(now_s, published)
             losses = self._losses.own(shard.engine.losses, shard.area)
+            self._canaries.judge()
             shard.engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
             return due, arrivals_s(own, time.time()) if own else {}, losses
 

@@ -12,8 +12,9 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, open_bus, run_until
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tile_channels import ChannelSorter, parcels_of, reach_m
+from deconflict.cluster.tiles.tile_channels import CANARIES, ChannelSorter, parcels_of, reach_m
 from deconflict.cluster.tiles.tiles import Grid
+from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed, unpacked
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.cluster_settings import Cluster
@@ -69,17 +70,21 @@ class IngestFeed:
         request = b"everything"
         while True:
             try:
-                batch = Batch.from_bytes(await self._receiver.call("batch", request))
+                reply, canary = unpacked(await self._receiver.call("batch", b"%b %b" % (request, WITH_CANARY)))
+                batch = Batch.from_bytes(reply)
             except LinkDownError:
                 request = b"everything"
                 await asyncio.sleep(RETRY_S)
                 continue
-            request = b""
+            request = b"changes"
             if site := self._current_site.changed():
                 self._conflict = site.conflict
                 self._brokers.use(site)
                 self._sorter.renew(site.conflict, reach_m(self._settings.fastest_mps, site.conflict))
             try:
+                if canary:
+                    canary = canary._replace(due_s=canary.due_s + time.time() - time.monotonic())
+                    await self._bus.send_parcel(CANARIES, packed(self._name.encode(), canary))
                 for channel, part in self._sorter.sort(batch).items():
                     for parcel in parcels_of(part):
                         await self._bus.send_parcel(channel, parcel)

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Protocol
 
 from deconflict.advice.advice_thread import AdviceThread
+from deconflict.engine.canary.canary_engine import judged
+from deconflict.engine.canary.canary_parcel import WITH_CANARY
+from deconflict.engine.canary.canary_parcel import unpacked as unpacked_canary
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.operator.ledger.loss_ledger import ledger_entries, refusal_entries
 from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
 from deconflict.roles.engine_link.restoration import StoredState, stored_state
-from deconflict.roles.health.canary_engine import judged
-from deconflict.roles.health.canary_pair import WITH_CANARY
-from deconflict.roles.health.canary_pair import unpacked as unpacked_canary
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError

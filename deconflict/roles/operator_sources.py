@@ -121,8 +121,7 @@ class OperatorSources:
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
         ends = self.certificates.expiry_s(self.history.site)
         own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
-        if not self._is_cluster:
-            own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
+        own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
             own.count("deconflict_role_restarts_total", role, by=count)
         if results := reload_results(self._runtime):
@@ -152,9 +151,8 @@ class OperatorSources:
             "refused_or_lost": self._refusals.document(time.monotonic()),
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
+            "canary": self._engine.canary.document(time.monotonic()),
         }
-        if not self._is_cluster:
-            parts["canary"] = self._engine.canary.document(time.monotonic())
         is_ok = all(up.values()) and all(part["status"] == "ok" for part in parts.values())
         return {
             "status": "ok" if is_ok else "degraded",

@@ -94,5 +94,5 @@ class ServiceHealth(BaseModel):
     refused_or_lost: RefusalsHealthPart | None = Field(None, description="what was refused or lost in ten minutes")
     supervisor: PartHealth | None = None
     clock: PartHealth | None = None
-    canary: CanaryHealthPart | None = Field(None, description="null in a cluster")
+    canary: CanaryHealthPart | None = None
     site: SiteFileState = SiteFileState()

@@ -158,6 +158,11 @@ class Shard:
         values = {name: rows for name, rows in engine["values"].items() if name not in by_others}
         return [engine | {"values": values}, self._measures.as_document()]
 
+    def distrusted(self) -> list[str]:
+        """The robots in its own tiles whose motion contradicts their forecasts."""
+        distrusted = self.engine.foresight.distrusted()
+        return [uuid for uuid in distrusted if any(place in self.area for place in self._places((uuid,)))]
+
     def adopt(self, revision: ShardRevision, *, overruled: bool = False) -> None:
         """Take in a published revision, which may be its own. `overruled` if it stands in place of its own."""
         advisory = revision.advisory
