@@ -44,6 +44,8 @@ HEALTH_TIMEOUT_S = 3.0
 LIVE_QUESTIONS = "unidentified", "senders", "brokers"
 """Questions to the receiver for the page; each answer is a list."""
 REFUSALS_EVERY_S = 5.0
+PAST_TIMEOUT_S = 20.0
+"""A follower that does not answer for this long has no past; an ingest has less time."""
 RELOAD_CHECK_S = 0.1
 RELOAD_TIMEOUT_S = 10.0
 
@@ -239,10 +241,17 @@ class OperatorSources:
     def blackbox(self, file: str) -> Path | None:
         return self._archive.path(file)
 
-    def recorded(self) -> tuple[float, float] | None:
-        return self.history.recorded()
+    async def recorded(self) -> tuple[float, float] | None:
+        if self._is_cluster:
+            with suppress(LinkDownError):
+                from_s, to_s = json.loads(await self._receiver.call("recorded"))
+                return (from_s, to_s) if to_s else None
+        return await asyncio.to_thread(self.history.recorded)
 
     async def floor_at(self, at_s: float) -> str:
+        if self._is_cluster:
+            with suppress(LinkDownError):
+                return (await self._receiver.call("past", str(at_s).encode(), PAST_TIMEOUT_S)).decode()
         try:
             return await self.history.floor_at(at_s)
         except BusyError as error:

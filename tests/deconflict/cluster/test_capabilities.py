@@ -203,7 +203,11 @@ async def sees_advice_of_others_heeded(run: Tried) -> bool:
 
 
 async def shows_the_past(run: Tried) -> bool:
-    return (await run.get("/recorded")).json()["from_s"] is not None
+    """The robots of both ingests."""
+    if (at_s := (await run.get("/recorded")).json()["to_s"]) is None:
+        return False
+    floor = (await run.get(f"/past?at_s={at_s}")).json()["floor"]
+    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L")}
 
 
 async def gives_robots(run: Tried) -> bool:
