@@ -22,6 +22,7 @@ from deconflict.cluster.judging.global_engine import GlobalEngine
 from deconflict.cluster.judging.heard_canaries import HeardCanaries
 from deconflict.cluster.judging.loss_writer import LossWriter
 from deconflict.cluster.judging.outbox import Outbox
+from deconflict.cluster.judging.pass_watch import PassWatch
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
@@ -78,7 +79,7 @@ class EngineMember:
         self._losses = ShardLosses(site, self._last_advised_wait_s)
         self._loss_writer = LossWriter(self._bus.losses, self.measures)
         self._parcels: list[bytes] = []
-        self._canaries = HeardCanaries()
+        self._canaries, self._watch = HeardCanaries(), PassWatch("the engine")
         self._records: list[StreamRecord] = []
         self._needed: set[str] = set()
         """The channels that the shard needs."""
@@ -163,6 +164,8 @@ class EngineMember:
 
     async def _beat(self) -> None:
         """Send a heartbeat, and write the owner table if a tile needs another owner."""
+        for watch in (self._watch, self._global_engine.watch):
+            watch.beat()
         state = self._bus.state
         await state.beat(self.name, self._document | {"canary": self._canaries.oldest(state.ingests())})
         members = state.members()
@@ -194,7 +197,9 @@ class EngineMember:
                 self._writer.note(record)
             self._global_engine.add_records(records)
             tiles = self._table.of(self.name)
-            revisions, arrivals, losses = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            with self._watch.passing():
+                found = await asyncio.to_thread(self._run_pass, tiles, parcels, records, overruled)
+            revisions, arrivals, losses = found
             self._loss_writer.add(ledger_entries(losses))
             self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
             self._needed = self._shard.channels()

@@ -138,9 +138,13 @@ async def tried(folder: Path) -> AsyncIterator[Tried]:
                 await asyncio.gather(*driving, return_exceptions=True)
 
 
+def is_tried(module: str, test: str) -> bool:
+    """Whether a test beside this one tries a capability in a cluster of its own."""
+    return f"\nasync def {test}(" in Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+
+
 async def hears_brokers(run: Tried) -> bool:
-    tests = Path(__file__).with_name("test_brokers_in_cluster.py").read_text(encoding="utf-8")
-    assert "def test_another_ingest_hears_the_brokers_of_a_killed_one_and_warns_again(" in tests
+    assert is_tried("test_brokers_in_cluster", "test_another_ingest_hears_the_brokers_of_a_killed_one_and_warns_again")
     source = {"name": "hall", "host": "broker", "language": "vda5050"}
     return not run.is_refused("mqtt_sources", [source])
 
@@ -162,6 +166,10 @@ async def has_a_canary(run: Tried) -> bool:
 async def does_less(run: Tried) -> bool:
     is_coarse = await run.comes("/healthz", lambda answer: answer.json()["effort"] == "coarse")
     return is_coarse and await run.counts("deconflict_engine_effort_reduced")
+
+
+async def ends_if_it_hangs(_: Tried) -> bool:
+    return is_tried("test_engine_member", "test_an_engine_whose_pass_hangs_ends_so_that_others_take_its_tiles")
 
 
 async def counts_late_passes(run: Tried) -> bool:
@@ -233,6 +241,7 @@ WORKS: dict[str, Callable[[Tried], Awaitable[bool]]] = {
     "`vendors.dial`": dials,
     "the canary in health, `deconflict_canary_latency_seconds`": has_a_canary,
     "less effort under load, `deconflict_engine_effort_reduced`": does_less,
+    "an engine that hangs is ended and restarted": ends_if_it_hangs,
     "`deconflict_deadlines_missed_total`": counts_late_passes,
     "`deconflict_advice_solve_seconds`": counts_solves,
     "`deconflict_advice_failures_total`": counts_failures,
