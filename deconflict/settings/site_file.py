@@ -293,6 +293,9 @@ def _ignored_by_cluster(site: Site) -> Iterator[str]:
     for row, vendor in enumerate(site.vendors):
         if "verbs" in vendor.model_fields_set and vendor.verbs:
             yield f"vendors[{row}].verbs: a cluster asks nothing of single robots; remove the key"
+    for row, person in enumerate(site.operator.people):
+        if person.role == "answer":
+            yield f"operator.people[{row}].role: a cluster gives no advice to answer; expected another role"
     outlets = [(f"webhooks[{row}]", webhook) for row, webhook in enumerate(site.webhooks)]
     for key, outlet in (*outlets, ("mqtt", site.mqtt)):
         if outlet and "advice" in outlet.kinds:

@@ -228,8 +228,12 @@ async def keeps_black_boxes(run: Tried) -> bool:
 
 async def asks_robots(run: Tried) -> bool:
     assert (await run.get("/advice")).json()["advice"] == []
-    outlet = {"host": "hall", "kinds": ["advice"]}
-    return not (run.is_refused("vendors.0.verbs", ["go_around"]) and run.is_refused("mqtt", outlet))
+    ignored: dict[str, Any] = {
+        "vendors.0.verbs": ["go_around"],
+        "mqtt": {"host": "hall", "kinds": ["advice"]},
+        "operator.people": [{"name": "Ada", "role": "answer", "vendor": "acme", "token": "env:X"}],
+    }
+    return not all(run.is_refused(key, value) for key, value in ignored.items())
 
 
 async def judges_warnings(run: Tried) -> bool:
@@ -250,7 +254,7 @@ WORKS: dict[str, Callable[[Tried], Awaitable[bool]]] = {
     "the past on the page, `GET /recorded` and `GET /past`": shows_the_past,
     "giving a robot to a vendor, `POST /robots/ID/owner`": gives_robots,
     "black boxes, `[blackbox]`": keeps_black_boxes,
-    "advice that ends standoffs, `GET /advice`, `verbs`, `kinds` with `advice`": asks_robots,
+    "advice that ends standoffs, `GET /advice`, `verbs`, `kinds` with `advice`, the role `answer`": asks_robots,
     "judging warnings live, `deconflict_warnings_judged_total`": judges_warnings,
 }
 """By capability, whether it is there, as tried in a running cluster."""

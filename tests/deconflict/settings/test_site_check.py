@@ -208,9 +208,11 @@ def test_of_four_points_in_a_rectangle_both_exchanges_that_explain_them_are_name
 
 CLUSTER = {"nats": ["nats://127.0.0.1:4222"]}
 HOOK = {"name": "fleet", "url": "http://127.0.0.1:9/", "secret": "env:X", "kinds": ["advice"]}
+ANSWERING = {"name": "Ada", "role": "answer", "vendor": "acme", "token": "env:X"}
 IGNORED: dict[str, tuple[Any, str]] = {
     "blackbox": ({"files": 10}, "blackbox: a cluster writes no black boxes; remove the section"),
     "vendors.0.verbs": (["go_around"], "verbs: a cluster asks nothing of single robots; remove the key"),
+    "operator.people": ([ANSWERING], "role: a cluster gives no advice to answer; expected another role"),
     "webhooks": ([HOOK], "kinds: a cluster gives no advice to single robots; remove 'advice'"),
     "mqtt": ({"host": "hall", "kinds": ["advice"]}, "mqtt.kinds: a cluster gives no advice to single robots"),
 }
