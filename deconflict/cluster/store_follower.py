@@ -120,15 +120,16 @@ class StoreFollower:
         if engines:
             presence = next((member["presence"] for member in engines if member.get("presence")), None)
             if presence:
-                presence |= {"distrusted": sorted({uuid for member in engines for uuid in member["distrusted"]})}
+                distrusted = {uuid for member in engines for uuid in member.get("distrusted", ())}
+                presence = presence | {"distrusted": sorted(distrusted)}
             documents = [document for member in engines for document in member["measures"]]
             head = {"measures": documents, "presence": presence, "canary": self._new_canary(engines)}
             await self._call_operator("publish", packed_parcel(head))
 
     def _new_canary(self, engines: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
         """The canary that every engine has judged since the last call, due in monotonic time; None if there is none."""
-        canary = oldest_canary(member["canary"] for member in engines)
-        if canary is None or canary["due_s"] <= self._canary_due_s:
+        canary = oldest_canary(member.get("canary") for member in engines)
+        if canary is None or canary["due_s"] == self._canary_due_s:
             return None
         self._canary_due_s = canary["due_s"]
         return canary | {"due_s": canary["due_s"] + time.monotonic() - time.time()}
