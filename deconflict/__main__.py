@@ -15,7 +15,7 @@ from deconflict.operator.http import json_schemas
 from deconflict.roles.processes.backup_command import add_backup
 from deconflict.roles.processes.disk_room import disk_lines
 from deconflict.roles.processes.ports import PortTakenError
-from deconflict.roles.service_commands import add_service_commands, add_site_new
+from deconflict.roles.service_commands import add_service_commands, add_site_new, serving_problems
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command, number_in
 from deconflict.runtime.data_lock import DataDirectoryError
 from deconflict.runtime.logging_setup import FORMATS, VARIABLE
@@ -158,9 +158,7 @@ def _add_descriptions(commands: Commands) -> None:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from deconflict.operator.http import access  # noqa: PLC0415 - loads the web server
-
-    return check(args.site, sys.stdout, access.verify_credentials, disk_lines)
+    return check(args.site, sys.stdout, serving_problems, disk_lines)
 
 
 def _site_import(args: argparse.Namespace) -> int:

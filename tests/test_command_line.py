@@ -147,3 +147,16 @@ def test_tab_completes_commands_and_options(shell: str) -> None:
     assert "--operator-port" in script
     if shell == "bash":
         subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+
+
+WITHOUT_NATS = "import sys; sys.modules['nats'] = None; from deconflict.__main__ import main; sys.exit(main())"
+
+
+@pytest.mark.parametrize("command", ["check", "serve"])
+def test_a_cluster_without_the_client_of_nats_is_refused_with_what_to_install(command: str, tmp_path: Path) -> None:
+    file = tmp_path / "site.toml"
+    file.write_text('[cluster]\nnats = ["nats://127.0.0.1:4222"]\n', encoding="utf-8")
+    words = [sys.executable, "-c", WITHOUT_NATS, command, str(file)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == MISUSED
+    assert "cluster.nats: needs the NATS client; pip install 'amr-deconflict[cluster]'" in done.stdout + done.stderr

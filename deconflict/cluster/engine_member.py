@@ -9,7 +9,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -17,31 +16,38 @@ from threading import Lock
 from typing import Any
 from uuid import uuid4
 
+from deconflict.advice.advice_thread import AdviceThread
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine
+from deconflict.cluster.judging.heard_canaries import HeardCanaries
 from deconflict.cluster.judging.loss_writer import LossWriter
 from deconflict.cluster.judging.outbox import Outbox
+from deconflict.cluster.judging.pass_watch import PassWatch
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
 from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.nats_tasks import beat_repeatedly, call_last, open_bus, run_until
+from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.own_ingest import OwnFace, OwnIngest
-from deconflict.cluster.tiles.tile_channels import ChannelSorter, reach_m
+from deconflict.cluster.tiles.tile_channels import CANARIES, ChannelSorter, reach_m
 from deconflict.cluster.tiles.tile_owners import OwnerTable, revised_table
 from deconflict.cluster.tiles.tiles import Grid, Tile
 from deconflict.engine.engine import Engine
+from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s, observe_latency
 from deconflict.foresight.losses.loss_places import PlacedLoss
+from deconflict.foresight.presence.presence import MOST_SHOWN
+from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.runtime.learned_state import Part, packed
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from deconflict_client.advisory import ConflictAdvisory
+from deconflict_client.situations import advisories_of
 from ingest.batch import Batch, Floats
 from ingest.measures.measures import Measures
 
@@ -51,6 +57,8 @@ LISTEN_S, MOST_AT_ONCE = 0.05, 32
 """Interval of the checks for new channels, and the number of subscriptions that begin at once."""
 LEARNED_NAME = "conflicts"
 """Name under which the bus keeps the learned state of conflicts."""
+LEAST_EFFORT = Effort.COARSE
+"""With less, its conflicts would be raised later than by the engines around, and these would find other homes."""
 CATCH_UP_TIMEOUT_S = 30.0
 """A new member waits at most this long for the open advisories."""
 
@@ -65,12 +73,14 @@ class EngineMember:
         self._bus = Bus(settings, site.store.keep_days)
         self.name = f"engine-{uuid4().hex[:12]}"
         self.measures = Measures()
-        self._adviser = ThreadPoolExecutor(1, "adviser")
+        self._adviser = AdviceThread()
+        self._load = LoadShedder(site.engine.deadline_s, least=LEAST_EFFORT)
         self._shard = self._shard_of(self._engine())
         self._shard_lock = Lock()
         self._losses = ShardLosses(site, self._last_advised_wait_s)
         self._loss_writer = LossWriter(self._bus.losses, self.measures)
         self._parcels: list[bytes] = []
+        self._canaries, self._watch = HeardCanaries(), PassWatch("the engine")
         self._records: list[StreamRecord] = []
         self._needed: set[str] = set()
         """The channels that the shard needs."""
@@ -93,6 +103,7 @@ class EngineMember:
             return
         with suppress(*BUS_ERRORS):
             await self._restore_learned()
+        await answered(lambda: self._bus.follow_channel(CANARIES, self._canaries.add))
         waiting = await self._bus.revisions.follow(self._add_record)
         with suppress(TimeoutError):
             async with asyncio.timeout(CATCH_UP_TIMEOUT_S):
@@ -115,7 +126,7 @@ class EngineMember:
             )
             await call_last(self._bus, self._bus.roster.leave, self._keep_learned_now)
         finally:
-            self._adviser.shutdown(cancel_futures=True)
+            self._adviser.end()
             await self._bus.close()
 
     def _engine(self, learned: Mapping[str, Part] | None = None) -> Engine:
@@ -161,8 +172,10 @@ class EngineMember:
 
     async def _beat(self) -> None:
         """Send a heartbeat, and write the owner table if a tile needs another owner."""
+        for watch in (self._watch, self._global_engine.watch):
+            watch.beat()
         state = self._bus.state
-        await self._bus.beat(self.name, self._document)
+        await self._bus.beat(self.name, self._document | {"canary": self._canaries.oldest(state.ingests())})
         members = state.members()
         number, document = await state.table()
         table = OwnerTable.of_document(document) if document else OwnerTable()
@@ -193,7 +206,9 @@ class EngineMember:
             self._global_engine.add_records(records)
             heard = self._own_ingest.robots
             owned = self._table.of(self.name) | self._own_ingest.tiles, heard
-            revisions, arrivals, losses = await asyncio.to_thread(self._run_pass, *owned, parcels, records, overruled)
+            with self._watch.passing():
+                found = await asyncio.to_thread(self._run_pass, *owned, parcels, records, overruled)
+            revisions, arrivals, losses = found
             self._loss_writer.add(ledger_entries(losses))
             if heard is not None:
                 advisories = [revision.advisory for revision in revisions]
@@ -218,6 +233,7 @@ class EngineMember:
             "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},
             "measures": self._measures(),
             "presence": self._global_engine.presence,
+            "distrusted": self._shard.distrusted()[:MOST_SHOWN],
         }
 
     def _measures(self) -> list[dict[str, Any]]:
@@ -230,6 +246,7 @@ class EngineMember:
         engine = self._shard.engine.renewed(conflicts_only_site(site))
         self._shard.renew(engine, reach_m(self._settings.fastest_mps, site.conflict))
         self._losses.renew(site)
+        self._load = LoadShedder(site.engine.deadline_s, self._load.effort, LEAST_EFFORT)
         self._requested = -1
         log.info("%s uses the changed site file", self.name)
 
@@ -249,14 +266,21 @@ class EngineMember:
                     if record.home and isinstance(record.advisory, ConflictAdvisory):
                         shard.adopt(ShardRevision(record.home, record.advisory), overruled=is_overruled)
             shard.hear_only(heard, time.time())
-            if tiles != shard.area.tiles:
+            if has_other_tiles := tiles != shard.area.tiles:
                 shard.set_tiles(tiles)
             own = shard.receive([Batch.from_bytes(parcel) for parcel in parcels])
             now_s = time.time()
-            due = shard.step(now_s)
-            self._losses.note(now_s, [record.advisory for record in records if record.advisory])
+            due = shard.step(now_s, self._load.effort)
+            took_s = time.perf_counter() - began_s
+            if not has_other_tiles:
+                adapt_effort(self._load, self.measures, took_s)
+            self._adviser.count(self.measures)
+            published = [record.advisory for record in records if record.advisory]
+            shard.engine.foresight.note_advice(now_s, waits_until_s(advisories_of(published)))
+            self._losses.note(now_s, published)
             losses = self._losses.own(shard.engine.losses, shard.area)
-            shard.engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+            self._canaries.judge()
+            shard.engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
             return due, arrivals_s(own, time.time()) if own else {}, losses
 
     async def _listen(self) -> None:

@@ -3,16 +3,17 @@
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from deconflict.cluster.ingest_feed import LISTED
+from deconflict.cluster.ingest_feed import LISTED, PAST, RECORDED
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY, outdated
+from deconflict.operator.live.history import whole_frame
 from deconflict.operator.live.recent_batches import RecentBatches, packed_batch, unpacked_batch
 from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch
@@ -21,6 +22,8 @@ from ingest.measures.measures import Measures
 
 WITHIN_S, ROBOTS_WITHIN_S = 1.5, 8.0
 """Time limits of answers. The documents of ten thousand robots take seconds."""
+PAST_WITHIN_S = 15.0
+"""The first look at the past also starts a process."""
 TICK_S = 0.2
 IDLE_S = 10.0
 """The subscription to the robots ends if nobody has followed the floor for this long."""
@@ -46,6 +49,8 @@ class IngestCalls:
             "robots": self._robots,
             **{question: self._listed(question) for question in LISTED},
             "follow": self._follow,
+            RECORDED: self._recorded,
+            PAST: self._past,
         }
 
     async def run(self) -> None:
@@ -89,6 +94,17 @@ class IngestCalls:
         newest = {document["uuid"]: document for document in oldest_first}
         return json.dumps([newest[uuid] for uuid in sorted(newest)]).encode()
 
+    async def _recorded(self, _: bytes) -> bytes:
+        """When the recordings begin and end, seconds since the epoch; each null without any."""
+        spans = [(from_s, to_s) for from_s, to_s in await self._lists(RECORDED) if to_s]
+        span = (min(from_s for from_s, _ in spans), max(to_s for _, to_s in spans)) if spans else (None, None)
+        return json.dumps(span).encode()
+
+    async def _past(self, at_s: bytes) -> bytes:
+        """The floor at a time as one frame of `FloorFrames`, by the recordings of all ingests that have it in time."""
+        answers = await self._answers(f"{PAST} {at_s.decode()}", PAST_WITHIN_S)
+        return (await asyncio.to_thread(past_frame, answers)).encode()
+
     async def _follow(self, payload: bytes) -> bytes:
         """The next batch of all ingests, as `ReceiverRole` gives those of one."""
         self._followed_s = time.monotonic()
@@ -119,3 +135,12 @@ class IngestCalls:
         for uuid in kept.gone:
             self._arrived_s.pop(uuid, None)
         return kept
+
+
+def past_frame(answers: Sequence[bytes]) -> str:
+    """The batches of several ingests as one frame, with the newest status of each robot."""
+    joined = FloorNumbers(Measures()).joined([Batch.from_bytes(answer) for answer in answers])
+    newest_s: dict[str, float] = {}
+    for uuid, arrival_s in zip(joined.robots, joined.arrival_s.tolist(), strict=True):
+        newest_s[uuid] = max(arrival_s, newest_s.get(uuid, arrival_s))
+    return whole_frame(joined.take(np.flatnonzero(~outdated(joined, newest_s))))

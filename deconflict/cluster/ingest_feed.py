@@ -1,8 +1,10 @@
 """The feed's process: takes batches from the receiver of this machine, as an engine would, and sends them by tile."""
 
 import asyncio
+import json
 import logging
 import time
+from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
 
@@ -12,8 +14,10 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
-from deconflict.cluster.tiles.tile_channels import ChannelSorter, parcels_of, reach_m
+from deconflict.cluster.tiles.tile_channels import CANARIES, ChannelSorter, parcels_of, reach_m
 from deconflict.cluster.tiles.tiles import Grid
+from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed, unpacked
+from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.cluster_settings import Cluster
@@ -30,13 +34,16 @@ WHOLE = b"0"
 LISTED = ("quarantine", "measures", "unidentified", "senders", "brokers")
 """Questions whose answer is a list, so that those of several ingests are one list."""
 QUESTIONS = {"robots": b"", **dict.fromkeys(LISTED, b""), "follow": WHOLE}
-"""The questions that an operator face may ask, and the payload of each call to the receiver."""
+"""The questions that an operator face may ask of the receiver, and the payload of each call."""
+RECORDED, PAST = "recorded", "past"
+"""Questions to the recording: its span, and the floor at a time, which follows."""
 
 
 class IngestFeed:
     """One ingest of the cluster. The stream keeps each parcel for a while, so the feed waits for no engine."""
 
-    def __init__(self, site: Site, settings: Cluster, runtime: Path) -> None:
+    def __init__(self, site: Site, settings: Cluster, runtime: Path, log_folder: Path) -> None:
+        self._history = History(site, log_folder)
         self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
         self._settings, self._grid, self._conflict = settings, Grid(settings.tile_m), site.conflict
         self._current_site = CurrentSite(runtime, site)
@@ -61,6 +68,7 @@ class IngestFeed:
             await run_until(stop, *repeated, self._feed(), exchange.run())
             await call_last(self._bus, self._bus.roster.leave)
         finally:
+            self._history.close()
             await self._bus.close()
 
     async def _beat(self) -> None:
@@ -73,17 +81,21 @@ class IngestFeed:
         request = b"everything"
         while True:
             try:
-                batch = Batch.from_bytes(await self._receiver.call("batch", request))
+                reply, canary = unpacked(await self._receiver.call("batch", b"%b %b" % (request, WITH_CANARY)))
+                batch = Batch.from_bytes(reply)
             except LinkDownError:
                 request, self._receives = b"everything", False
                 await asyncio.sleep(RETRY_S)
                 continue
-            request, self._receives = b"", True
+            request, self._receives = b"changes", True
             if site := self._current_site.changed():
-                self._conflict = site.conflict
+                self._conflict, self._history.site = site.conflict, site
                 self._brokers.use(site)
                 self._sorter.renew(site.conflict, reach_m(self._settings.fastest_mps, site.conflict))
             try:
+                if canary:
+                    canary = canary._replace(due_s=canary.due_s + time.time() - time.monotonic())
+                    await self._bus.send_parcel(CANARIES, packed(self._name.encode(), canary))
                 for channel, part in self._sorter.sort(batch).items():
                     for parcel in parcels_of(part):
                         await self._bus.send_parcel(channel, parcel)
@@ -102,7 +114,13 @@ class IngestFeed:
         return [parcel for channel, part in parts.items() if channel in channels for parcel in parcels_of(part)]
 
     async def _answer(self, question: str) -> bytes:
-        """The receiver's answer to a question; empty if it does not answer."""
+        """The answer to a question of the receiver or the recording; empty if there is none."""
+        name, _, at_s = question.partition(" ")
+        if name == RECORDED:
+            return json.dumps(await asyncio.to_thread(self._history.recorded) or [None, None]).encode()
+        if name == PAST:
+            with suppress(BusyError):
+                return await self._history.batch_at(float(at_s))
         if question not in QUESTIONS:
             return b""
         try:

@@ -7,6 +7,8 @@ import asyncio
 import json
 import logging
 import time
+from collections.abc import Iterable
+from math import inf
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -20,6 +22,7 @@ from deconflict.cluster.nats.member_roster import part_of
 from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
+from deconflict.engine.canary.canary_parcel import oldest_canary
 from deconflict.runtime.parcels import REFUSED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
@@ -51,6 +54,8 @@ class StoreFollower:
         self._ingests = IngestCalls(self._bus)
         self._records: asyncio.Queue[StreamRecord] = asyncio.Queue()
         self._losses: asyncio.Queue[LossRecord] = asyncio.Queue()
+        self._canary_due_s = -inf
+        """When the newest canary was due that the operator face has, Unix time."""
 
     async def run(self, stop: asyncio.Event) -> None:
         """Follow until `stop` is set."""
@@ -117,13 +122,25 @@ class StoreFollower:
         await self._bus.beat(self._name, {})
 
     async def _report_engines(self) -> None:
-        """Report to the operator face that engines are alive, with their measures and the robots' presence."""
+        """Report to the operator face that engines are alive: their measures, robots' presence, and a canary."""
         members = self._bus.state.members().values()
-        measures = [member["measures"] for member in members if "measures" in member]
-        if measures:
-            presence = next((member["presence"] for member in members if member.get("presence")), None)
-            documents = [document for documents in measures for document in documents]
-            await self._call_operator("publish", packed_parcel({"measures": documents, "presence": presence}))
+        engines = [member for member in members if "measures" in member]
+        if engines:
+            presence = next((member["presence"] for member in engines if member.get("presence")), None)
+            if presence:
+                distrusted = {uuid for member in engines for uuid in member.get("distrusted", ())}
+                presence = presence | {"distrusted": sorted(distrusted)}
+            documents = [document for member in engines for document in member["measures"]]
+            head = {"measures": documents, "presence": presence, "canary": self._new_canary(engines)}
+            await self._call_operator("publish", packed_parcel(head))
+
+    def _new_canary(self, engines: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
+        """The canary that every engine has judged since the last call, due in monotonic time; None if there is none."""
+        canary = oldest_canary(member.get("canary") for member in engines)
+        if canary is None or canary["due_s"] == self._canary_due_s:
+            return None
+        self._canary_due_s = canary["due_s"]
+        return canary | {"due_s": canary["due_s"] + time.monotonic() - time.time()}
 
     async def _presence(self, _: bytes) -> bytes:
         """Whether a server is connected, and whether an ingest is alive."""

@@ -28,13 +28,13 @@ from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.engine.learned.under_way import take_over, under_way
 from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.near_miss_trigger import NearMissTrigger
 from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
 from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.losses.refusal import AdviceRefusal
+from deconflict.foresight.near_misses.near_miss_trigger import NearMissTrigger
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import MOST_SHOWN, Presence

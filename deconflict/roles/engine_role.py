@@ -4,41 +4,32 @@ import json
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from deconflict.advice.deferred_answers import Answer
+from deconflict.advice.advice_thread import AdviceThread
+from deconflict.engine.canary.canary_engine import judged
+from deconflict.engine.canary.canary_parcel import WITH_CANARY
+from deconflict.engine.canary.canary_parcel import unpacked as unpacked_canary
 from deconflict.engine.engine import Engine
-from deconflict.engine.load_shedding import Effort, LoadShedder
+from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.operator.ledger.loss_ledger import ledger_entries, refusal_entries
 from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
 from deconflict.roles.engine_link.restoration import StoredState, stored_state
-from deconflict.roles.health.canary_engine import judged
-from deconflict.roles.health.canary_pair import WITH_CANARY
-from deconflict.roles.health.canary_pair import unpacked as unpacked_canary
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
-from deconflict_client.advisory import AnyAdvisory, Recommendation
+from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
 
 EVERYTHING = b"everything"
 """The request of an engine that knows nothing of the floor. Its pass may take long and counts for no deadline."""
-LEFT_OUT = {
-    Effort.FULL: "nothing is left out any more",
-    Effort.COARSE: "smallest separations are given to a quarter of a metre",
-    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are checked every ten seconds",
-}
-
-NO_ADVICE = Recommendation(cost_s=0.0, bound_s=0.0, proven_optimal=False, note="no advice could be worked out")
 
 log = logging.getLogger(__name__)
 
@@ -86,11 +77,7 @@ class EngineRole:
         self._site, self._current_site = site, CurrentSite(runtime, site)
         self._receiver = Caller(runtime, "receiver")
         self._delivery = Delivery(runtime)
-        self._adviser = ThreadPoolExecutor(1, "adviser")
-        self._solved_s: deque[float] = deque()
-        """Durations of solves since the last pass. Any thread appends."""
-        self._failed: deque[Exception] = deque()
-        """Errors of solves since the last pass. Any thread appends."""
+        self._adviser = AdviceThread()
         self._kept_s = time.monotonic()
         self._load = LoadShedder(site.engine.deadline_s)
 
@@ -105,7 +92,7 @@ class EngineRole:
         try:
             self._run_engine(engine, stop, beat)
         finally:
-            self._adviser.shutdown(cancel_futures=True)
+            self._adviser.end()
             self._delivery.stop()
             self._receiver.close()
 
@@ -175,21 +162,10 @@ class EngineRole:
             self._site,
             stored.open,
             stored.encounters,
-            lambda work: self._adviser.submit(self._timed, work),
+            self._adviser.submit,
             stored.burdens_s,
             learned,
         )
-
-    def _timed(self, work: Callable[[], Answer]) -> Answer:
-        began_s = time.perf_counter()
-        try:
-            advice = work()
-        except Exception as error:
-            log.exception("the solver failed; conflicts are published without advice")
-            self._failed.append(error)
-            return NO_ADVICE
-        self._solved_s.append(time.perf_counter() - began_s)
-        return advice
 
     def _run_pass(
         self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool
@@ -201,11 +177,8 @@ class EngineRole:
         took_s = time.perf_counter() - began_s
         engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
         if timed:
-            self._adapt_effort(engine.measures, took_s)
-        failed = [self._failed.popleft() for _ in range(len(self._failed))]
-        engine.measures.count("deconflict_advice_failures_total", by=len(failed))
-        solved_s = [self._solved_s.popleft() for _ in range(len(self._solved_s))]
-        engine.measures.observe("deconflict_advice_solve_seconds", solved_s)
+            adapt_effort(self._load, engine.measures, took_s)
+        self._adviser.count(engine.measures)
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]
         presence = partial(engine.presence_document, batch.now_s)
@@ -245,13 +218,3 @@ class EngineRole:
             revisions = engine.withdraw_advice(now_s)
         if revisions:
             self._delivery.add_advice(revisions)
-
-    def _adapt_effort(self, measures: Measures, took_s: float) -> None:
-        """Count whether the pass was late, and set the effort of the next passes."""
-        before = self._load.effort
-        measures.count("deconflict_deadlines_missed_total", by=self._load.add_pass(took_s, time.monotonic()))
-        measures.level("deconflict_engine_effort_reduced", {(): self._load.effort})
-        if self._load.effort > before:
-            log.warning("the engine can't keep up, a pass took %.2f s: %s", took_s, LEFT_OUT[self._load.effort])
-        elif self._load.effort < before:
-            log.info("the engine keeps up again: %s", LEFT_OUT[self._load.effort])

@@ -47,6 +47,8 @@ LIVE_QUESTIONS = "unidentified", "senders", "brokers"
 REFUSALS_EVERY_S = 5.0
 MEMBERS = {"deconflict_members": "there", "deconflict_members_expected": "expected"}
 """By metric, the key of the part `members` of the health."""
+PAST_TIMEOUT_S = 20.0
+"""A follower that does not answer for this long has no past; an ingest has less time."""
 RELOAD_CHECK_S = 0.1
 ALONE = (
     "No NATS server is connected: you see and are warned of the robots of this machine only, without queues, deadlocks "
@@ -131,7 +133,7 @@ class OperatorSources:
         own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
         for name, key in MEMBERS.items():
             own.level(name, {(part,): float(count) for part, count in members.get(key, {}).items()})
-        if not self._is_cluster and not self._is_alone:
+        if not self._is_alone:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
             own.count("deconflict_role_restarts_total", role, by=count)
@@ -163,12 +165,12 @@ class OperatorSources:
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
         }
-        if self._is_cluster:
-            parts["members"] = await self._members()
-        elif self._is_alone:
+        if self._is_alone:
             parts["cluster"] = {"status": "degraded", "reason": ALONE}
         else:
             parts["canary"] = self._engine.canary.document(time.monotonic())
+        if self._is_cluster:
+            parts["members"] = await self._members()
         is_ok = all(up.values()) and all(part["status"] == "ok" for part in parts.values())
         return {
             "status": "ok" if is_ok else "degraded",
@@ -256,10 +258,17 @@ class OperatorSources:
     def blackbox(self, file: str) -> Path | None:
         return self._archive.path(file)
 
-    def recorded(self) -> tuple[float, float] | None:
-        return self.history.recorded()
+    async def recorded(self) -> tuple[float, float] | None:
+        if self._is_cluster:
+            with suppress(LinkDownError):
+                from_s, to_s = json.loads(await self._receiver.call("recorded"))
+                return (from_s, to_s) if to_s else None
+        return await asyncio.to_thread(self.history.recorded)
 
     async def floor_at(self, at_s: float) -> str:
+        if self._is_cluster:
+            with suppress(LinkDownError):
+                return (await self._receiver.call("past", str(at_s).encode(), PAST_TIMEOUT_S)).decode()
         try:
             return await self.history.floor_at(at_s)
         except BusyError as error:

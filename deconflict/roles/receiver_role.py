@@ -15,9 +15,10 @@ from operator import attrgetter
 from pathlib import Path
 from random import Random
 
+from deconflict.engine.canary.canary_pair import CanaryPair
+from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
-from deconflict.roles.health.canary_pair import WITH_CANARY, CanaryPair, packed
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path

@@ -149,6 +149,7 @@ def _async_role(role: str, site: Site, runtime: Path, data: Path, exposition: Ex
     arguments: dict[str, tuple[object, ...]] = {
         "receiver": (runtime, data / "log"),
         "operator": (runtime, data, exposition),
+        "feed": (site.cluster, runtime, data / "log"),
         "engine": (site.cluster, runtime, early_end(runtime, "engine")),
     }
     return _async_class(role)(site, *arguments.get(role, (site.cluster, runtime)))

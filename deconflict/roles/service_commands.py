@@ -127,6 +127,14 @@ def check_access(settings: site.Site, allow_open: bool) -> None:
         logging.getLogger("deconflict").warning("%s", problem)
 
 
+def serving_problems(settings: site.Site) -> list[str]:
+    """A sentence for each reason why this machine can't serve a site. Raises `SecretError` and `CertificateError`."""
+    from deconflict.operator.http import access  # noqa: PLC0415 - `serve` and its supervisor run on without it
+
+    access.verify_credentials(settings)
+    return cluster_problems(settings.cluster, ())
+
+
 def _checked_settings(args: argparse.Namespace) -> site.Site:
     """The settings, checked. Raises `SiteError`, `SecretError` and `CertificateError`."""
     settings = settings_of(args, args.site)

@@ -45,7 +45,7 @@ def merged_settings(before: Site, changed: Site) -> tuple[Site, tuple[str, ...]]
     merged = changed.model_copy(update=kept)
     waiting = tuple(_differing(changed, merged))
     try:
-        return site_from_document(merged.model_dump(mode="json")), waiting
+        return site_from_document(merged.model_dump(mode="json", exclude_unset=True)), waiting
     except SiteError as error:
         raise SiteError([*error.problems, f"restart the service to change {', '.join(waiting)}"]) from error
 

@@ -66,13 +66,13 @@ LARGE_ENVELOPE_M, LARGE_CLEARANCE_M = 10.0, 5.0
 def check(
     path: Path,
     out: TextIO,
-    verify: Callable[[Site], object] = lambda _: None,
+    verify: Callable[[Site], Iterable[str]] = lambda _: (),
     needs: Callable[[Site], Iterable[str]] = lambda _: (),
 ) -> int:
     """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
 
-    `verify` checks secrets and certificates; it raises `SecretError` or `CertificateError`. `needs` says what the
-    site needs of the machine.
+    `verify` gives a sentence for each reason why this machine can't serve the site; it raises `SecretError` or
+    `CertificateError`. `needs` says what the site needs of the machine.
     """
     try:
         site = load(path)
@@ -84,7 +84,7 @@ def check(
     return FAULTY if report.problems else 0
 
 
-def site_report(site: Site, verify: Callable[[Site], object] = lambda _: None) -> SiteReport:
+def site_report(site: Site, verify: Callable[[Site], Iterable[str]] = lambda _: ()) -> SiteReport:
     maps = tuple(
         _map_report(vendor, vendor_map, datum_of(site, vendor_map))
         for vendor in site.vendors
@@ -92,7 +92,7 @@ def site_report(site: Site, verify: Callable[[Site], object] = lambda _: None) -
     )
     problems = fit_problems(site)
     try:
-        verify(site)
+        problems += verify(site)
     except (SecretError, CertificateError) as error:
         problems.append(str(error))
     return SiteReport(site, maps, tuple(problems))
@@ -140,19 +140,6 @@ def questions(site: Site) -> Iterator[str]:
     for key, size_m in _envelopes(site):
         if max(size_m[:2]) > LARGE_ENVELOPE_M:
             yield f"{key}: an envelope of {size_m[0]:g} x {size_m[1]:g}; is it in metres?"
-    if site.cluster:
-        yield from _unasked(site)
-
-
-def _unasked(site: Site) -> Iterator[str]:
-    """Keys that wait for advice to single robots, which no engine of a cluster gives."""
-    for row, vendor in enumerate(site.vendors):
-        if "verbs" in vendor.model_fields_set and vendor.verbs:
-            yield f"vendors[{row}].verbs: in a cluster nothing is asked of robots; `GET /advice` stays empty"
-    for row, outlet in enumerate((*site.webhooks, *((site.mqtt,) if site.mqtt else ()))):
-        if "advice" in outlet.kinds:
-            key = f"webhooks[{row}]" if row < len(site.webhooks) else "mqtt"
-            yield f"{key}.kinds: in a cluster there is no advice to send"
 
 
 def _envelopes(site: Site) -> Iterator[tuple[str, Envelope]]:

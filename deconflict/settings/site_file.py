@@ -181,6 +181,7 @@ def _contradictions(site: Site) -> Iterator[str]:
     yield from floor_part_problems(site.areas, site.obstacles, site.datums)
     yield from outlet_problems(site.webhooks, site.mqtt)
     yield from cluster_contradictions(site.cluster)
+    yield from _ignored_by_cluster(site) if site.cluster else ()
     yield from _source_contradictions(site)
     yield from size_problems(site.vendors, site.reading)
     conflict, reading, recorder = site.conflict, site.reading, site.recorder
@@ -283,6 +284,22 @@ def _repeated(values: Iterable[tuple[str, str]]) -> Iterator[str]:
         if count > 1:
             keys = [key for key, given in pairs if given == value]
             yield f"{keys[-1]}: {value!r} is given by {' and '.join(keys[:-1])} too; expected it once"
+
+
+def _ignored_by_cluster(site: Site) -> Iterator[str]:
+    """A sentence for each key that has no effect in a cluster."""
+    if "blackbox" in site.model_fields_set and site.blackbox.enabled:
+        yield "blackbox: a cluster writes no black boxes; remove the section"
+    for row, vendor in enumerate(site.vendors):
+        if "verbs" in vendor.model_fields_set and vendor.verbs:
+            yield f"vendors[{row}].verbs: a cluster asks nothing of single robots; remove the key"
+    for row, person in enumerate(site.operator.people):
+        if person.role == "answer":
+            yield f"operator.people[{row}].role: a cluster gives no advice to answer; expected another role"
+    outlets = [(f"webhooks[{row}]", webhook) for row, webhook in enumerate(site.webhooks)]
+    for key, outlet in (*outlets, ("mqtt", site.mqtt)):
+        if outlet and "advice" in outlet.kinds:
+            yield f"{key}.kinds: a cluster gives no advice to single robots; remove 'advice'"
 
 
 def _source_contradictions(site: Site) -> Iterator[str]:

@@ -109,7 +109,7 @@ class ServiceHealth(BaseModel):
     refused_or_lost: RefusalsHealthPart | None = Field(None, description="what was refused or lost in ten minutes")
     supervisor: PartHealth | None = None
     clock: PartHealth | None = None
-    canary: CanaryHealthPart | None = Field(None, description="null in a cluster")
+    canary: CanaryHealthPart | None = Field(None, description="null while `cluster` is there")
     members: MembersHealthPart | None = Field(None, description="of a cluster; null on a single machine")
     cluster: PartHealth | None = Field(
         None, description="of a machine of a cluster that no NATS server is connected to; null otherwise"

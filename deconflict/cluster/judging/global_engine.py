@@ -18,6 +18,7 @@ from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
+from deconflict.cluster.judging.pass_watch import PassWatch
 from deconflict.cluster.judging.stream_situations import StreamSituations
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
@@ -55,7 +56,7 @@ class GlobalEngine:
         self._judge_lock = Lock()
         self._parcels: list[bytes] = []
         self._records: list[StreamRecord] = []
-        self.outbox = Outbox(writer)
+        self.outbox, self.watch = Outbox(writer), PassWatch("the global judge")
         self.measures: list[dict[str, Any]] = []
         """As of the last pass."""
         self.presence: dict[str, Any] | None = None
@@ -131,7 +132,8 @@ class GlobalEngine:
         written, overruled = revisions_of(records), revisions_of(self.outbox.take_overruled())
         if situations.is_overtaken(written, overruled):
             situations = self._situations = StreamSituations(self.site, self._writer.open())
-        revisions = await asyncio.to_thread(self._judged, judge, situations, parcels, written, overruled)
+        with self.watch.passing():
+            revisions = await asyncio.to_thread(self._judged, judge, situations, parcels, written, overruled)
         self.measures, self.presence = [judge.measures.as_document()], judge.presence(time.time())
         self.outbox.add_pass((None, revision) for revision in revisions)
 

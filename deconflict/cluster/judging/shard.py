@@ -26,6 +26,7 @@ from deconflict.cluster.tiles.tile_channels import GONE, RobotExtents, channel, 
 from deconflict.cluster.tiles.tiles import Area, Grid, Tile
 from deconflict.engine.engine import Engine
 from deconflict.engine.engine_metrics import LOST_SECONDS
+from deconflict.engine.load_shedding import Effort
 from deconflict.foresight.presence.presence import PROBABLY_LEFT_ROBOTS, SILENCES
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
@@ -137,13 +138,13 @@ class Shard:
             self._arrived_s.pop(uuid, None)
         return own
 
-    def step(self, now_s: float) -> list[ShardRevision]:
-        """Run the engine. Returns the revisions that this shard publishes."""
+    def step(self, now_s: float, effort: Effort = Effort.FULL) -> list[ShardRevision]:
+        """Run the engine, with no more work than `effort` allows. Returns the revisions that this shard publishes."""
         if self._hears_less:
             self._forget_distant()
         self._adopt_updates(now_s)
         due, self._due = self._due, []
-        for revision in self.engine.step(now_s):
+        for revision in self.engine.step(now_s, effort):
             if not isinstance(revision, ConflictAdvisory):
                 continue
             where = revision.location
@@ -168,6 +169,11 @@ class Shard:
         by_others = (*ADVISORY_METRICS, NEAR_MISSES, SILENCES, PROBABLY_LEFT_ROBOTS, LOST_SECONDS)
         values = {name: rows for name, rows in engine["values"].items() if name not in by_others}
         return [engine | {"values": values}, self._measures.as_document()]
+
+    def distrusted(self) -> list[str]:
+        """The robots in its own tiles whose motion contradicts their forecasts."""
+        distrusted = self.engine.foresight.distrusted()
+        return [uuid for uuid in distrusted if any(place in self.area for place in self._places((uuid,)))]
 
     def adopt(self, revision: ShardRevision, *, overruled: bool = False) -> None:
         """Take in a published revision, which may be its own. `overruled` if it stands in place of its own."""

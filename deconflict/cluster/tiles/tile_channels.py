@@ -22,6 +22,8 @@ GONE = "gone"
 """The channel of forgotten robots, which all engines receive."""
 EVERY = "every"
 """The channel of all robots of all floors, once each."""
+CANARIES = "canaries"
+"""The channel of all canaries, which all engines receive."""
 LEAD_S = 3.0
 """An engine receives a robot this long before its conflicts matter. The looks that confirm a conflict take as long."""
 MOST_BYTES = 1 << 19

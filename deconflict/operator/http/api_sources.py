@@ -33,7 +33,7 @@ class FloorSource(Protocol):
     async def floor_at(self, at_s: float) -> str:
         """The floor at a time, as a frame of `FloorFrames`. Raises `SourceUnavailableError`."""
 
-    def recorded(self) -> tuple[float, float] | None:
+    async def recorded(self) -> tuple[float, float] | None:
         """When the recording begins and ends, seconds since the epoch; None if there is none."""
 
     def presence(self) -> Document:

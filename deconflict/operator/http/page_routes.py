@@ -67,9 +67,9 @@ class PageRoutes:
                 return Response(Path(plan.image).read_bytes(), headers=HEADERS, media_type=kind)
         raise HTTPException(404, f"there is no image of the floor {datum!r}")
 
-    def recorded(self) -> Response:
+    async def recorded(self) -> Response:
         """The time span for which `/past` has answers."""
-        from_s, to_s = self._source.recorded() or (None, None)
+        from_s, to_s = await self._source.recorded() or (None, None)
         return _json(Recorded(from_s=from_s, to_s=to_s))
 
     def presence(self) -> Response:

@@ -2,14 +2,17 @@
 
 import asyncio
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from typing import TypeVar
 
 from deconflict.operator.live.floor_frames import FloorFrames
 from deconflict.runtime.worker_process import worker_pool
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path
 from deconflict.settings.site import Site
+from ingest.batch import Batch
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
@@ -20,17 +23,31 @@ MOST_WAITING = 4
 """Most requests at once; further ones are refused."""
 
 
+Answer = TypeVar("Answer", str, bytes)
+
+
 class BusyError(Exception):
     """The recording can't be read at present."""
 
 
-def floor_at(site: Site, log: Path, at_s: float) -> str:
-    """The whole floor at a time as one frame of `FloorFrames`, from the recording alone."""
-    fleet, frames = fleet_of(site, Measures()), FloorFrames()
+def batch_at(site: Site, log: Path, at_s: float) -> bytes:
+    """The whole floor at a time as a batch, from the recording alone."""
+    fleet = fleet_of(site, Measures())
     if fast_path := load_compiled_fast_path():
         fleet.use(fast_path)
     recover(fleet, segments_until(log, at_s), at_s, kept=kept_identities(log))
-    frames.add_batch(fleet.snapshot(at_s), whole=True)
+    return fleet.snapshot(at_s).to_bytes()
+
+
+def floor_at(site: Site, log: Path, at_s: float) -> str:
+    """The whole floor at a time as one frame of `FloorFrames`, from the recording alone."""
+    return whole_frame(Batch.from_bytes(batch_at(site, log, at_s)))
+
+
+def whole_frame(batch: Batch) -> str:
+    """A batch of the whole floor as one frame of `FloorFrames`."""
+    frames = FloorFrames()
+    frames.add_batch(batch, whole=True)
     return frames.since(0)
 
 
@@ -59,6 +76,14 @@ class History:
         return recorded_span(self._log, time.time())
 
     async def floor_at(self, at_s: float) -> str:
+        """Raises `BusyError`."""
+        return await self._worked_out(floor_at, at_s)
+
+    async def batch_at(self, at_s: float) -> bytes:
+        """Raises `BusyError`."""
+        return await self._worked_out(batch_at, at_s)
+
+    async def _worked_out(self, function: Callable[[Site, Path, float], Answer], at_s: float) -> Answer:
         """Raises `BusyError` if too many requests wait, or the worker process ended."""
         if self._waiting >= MOST_WAITING:
             raise BusyError
@@ -66,7 +91,7 @@ class History:
             self._worker = worker_pool()
         self._waiting += 1
         try:
-            return await asyncio.wrap_future(self._worker.submit(floor_at, self.site, self._log, at_s))
+            return await asyncio.wrap_future(self._worker.submit(function, self.site, self._log, at_s))
         except BrokenProcessPool:
             self._worker = None
             raise BusyError from None

@@ -5,8 +5,8 @@ import json
 import time
 from typing import Any
 
+from deconflict.engine.canary.canary_pair import CANARY_EVERY_S
 from deconflict.operator.store.store import Store, StoreError
-from deconflict.roles.health.canary_pair import CANARY_EVERY_S
 
 LATENCY = "deconflict_canary_latency_seconds"
 LATE_S = 10.0

@@ -196,7 +196,7 @@ async def ingest(machines: Machines, data: Path, port: int = 0) -> AsyncIterator
         site = machines.site(port)
         receiver, feed = (
             ReceiverRole(site, Path(runtime), data / "log"),
-            IngestFeed(site, machines.settings, Path(runtime)),
+            IngestFeed(site, machines.settings, Path(runtime), data / "log"),
         )
         async with running(receiver), running(feed):
             await receiver.ready.wait()

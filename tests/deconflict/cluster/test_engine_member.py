@@ -5,9 +5,13 @@ import time
 from contextlib import AsyncExitStack
 from math import sin
 from pathlib import Path
+from threading import Event
 from typing import Any
 
+import pytest
+
 from deconflict.cluster.engine_member import EngineMember
+from deconflict.cluster.judging import pass_watch
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import end_tasks, open_bus
 from deconflict.settings.cluster_settings import Cluster
@@ -26,6 +30,7 @@ from tests.deconflict.cluster.made_cluster import (
     until,
 )
 from tests.deconflict.roles.made_service import Course, drive
+from tests.helpers.patience import PATIENCE_S
 
 pytestmark = needs_server
 
@@ -96,6 +101,22 @@ async def test_each_channel_is_subscribed_once_though_one_of_a_group_is_refused(
         await bus.close()
         broker.kill()
     assert bus.begun == {"first": 1, "refused": REFUSALS + 1, "second": 1}
+
+
+async def test_an_engine_whose_pass_hangs_ends_so_that_others_take_its_tiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pass_watch, "SILENCE_LIMIT_S", 1.0)
+    goes_on = Event()
+    async with cluster(tmp_path) as (machines, _):
+        member = EngineMember(machines.site(), machines.settings, tmp_path)
+        monkeypatch.setattr(member, "_run_pass", lambda *_: goes_on.wait(PATIENCE_S))
+        try:
+            with pytest.raises(pass_watch.HangingPassError, match="the engine has not ended"):
+                async with asyncio.timeout(PATIENCE_S):
+                    await member.run(asyncio.Event())
+        finally:
+            goes_on.set()
 
 
 async def _listening(bus: Bus, member: EngineMember) -> None:

@@ -10,14 +10,16 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 
-from deconflict.cluster.ingest_calls import IngestCalls
+from deconflict.cluster.ingest_calls import IngestCalls, past_frame
 from deconflict.cluster.nats.nats_tasks import open_bus
 from deconflict.cluster.tiles.tile_channels import EVERY
 from deconflict.settings.cluster_settings import Cluster
+from ingest.port.connection import Connection
 from tests.deconflict.cluster.made_cluster import Broker, Faltering, cluster, ingest, needs_server, until
+from tests.deconflict.cluster.made_shards import NOW_S, fleet
 from tests.deconflict.roles.made_service import drive
 from tests.helpers.plain_http import http_client
-from tests.helpers.saying import robot
+from tests.helpers.saying import robot, status
 
 pytestmark = needs_server
 
@@ -47,6 +49,16 @@ async def test_an_operator_face_shows_the_robots_of_every_ingest(tmp_path: Path)
                     seen.setdefault(row[0], set()).add(row[6])
         for each in driving:
             each.cancel()
+
+
+def test_a_robot_that_two_ingests_recorded_is_where_the_newer_status_has_it() -> None:
+    answers = []
+    for x_m, at_s in ((1.0, 5.0), (2.0, 9.0), (3.0, 7.0)):
+        heard = fleet()
+        heard.receive(status("A", NOW_S + at_s, x_m), NOW_S + at_s, Connection(1))
+        answers.append(heard.snapshot(NOW_S + 10.0).to_bytes())
+    (row,) = json.loads(past_frame(answers))["robots"]
+    assert (row[0], row[11][1]) == (robot("A"), 2.0)
 
 
 async def test_the_floor_is_subscribed_once_though_calls_repeat_before_it_has_begun(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deconflict.operator.http.access import verify_credentials
+from deconflict.roles.service_commands import serving_problems
 from deconflict.settings.site_check import check, site_report
 from deconflict.settings.site_file import load
 from ingest.frames.fitting import Method
@@ -176,7 +176,7 @@ def test_slips_of_units_and_secrets_are_found_before_the_service_starts(tmp_path
     assert "NOTE datum Yard: its id 'yard' is no UUID" in text
     out = io.StringIO()
     secretive = put(document, "vendors.1.token", "env:NOT_SET_ANYWHERE")
-    assert check(written(secretive, tmp_path), out, verify_credentials) == 2
+    assert check(written(secretive, tmp_path), out, serving_problems) == 2
     assert "NOT_SET_ANYWHERE" in out.getvalue()
 
 
@@ -206,21 +206,37 @@ def test_of_four_points_in_a_rectangle_both_exchanges_that_explain_them_are_name
     assert "not mirrored, unless door and pillar are exchanged, or dock and gate are exchanged" in text
 
 
-def test_keys_that_wait_for_advice_in_a_cluster_are_noted(tmp_path: Path) -> None:
-    document = put(sound(), "vendors.0.verbs", ["go_around"])
-    hook = {"name": "fleet", "url": "http://127.0.0.1:9/", "secret": "env:X", "kinds": ["advice"]}
-    document = put(document, "webhooks", [hook])
-    assert "in a cluster" not in checked(document, tmp_path)[1]
-    code, text = checked(put(document, "cluster", {"nats": ["nats://127.0.0.1:4222"]}), tmp_path)
-    assert code == 0
-    assert "NOTE vendors[0].verbs: in a cluster nothing is asked of robots; `GET /advice` stays empty" in text
-    assert "NOTE webhooks[0].kinds: in a cluster there is no advice to send" in text
-    assert text.count("in a cluster") == 2
-
-
 def test_the_members_that_a_cluster_expects_are_stated(tmp_path: Path) -> None:
     document = put(sound(), "cluster", {"nats": ["nats://127.0.0.1:4222"], "engines": 2})
     assert (
         "cluster deconflict, expected members: all seen ingests, 2 engines, all seen faces"
         in checked(document, tmp_path)[1].splitlines()
     )
+
+
+CLUSTER = {"nats": ["nats://127.0.0.1:4222"]}
+HOOK = {"name": "fleet", "url": "http://127.0.0.1:9/", "secret": "env:X", "kinds": ["advice"]}
+ANSWERING = {"name": "Ada", "role": "answer", "vendor": "acme", "token": "env:X"}
+IGNORED: dict[str, tuple[Any, str]] = {
+    "blackbox": ({"files": 10}, "blackbox: a cluster writes no black boxes; remove the section"),
+    "vendors.0.verbs": (["go_around"], "verbs: a cluster asks nothing of single robots; remove the key"),
+    "operator.people": ([ANSWERING], "role: a cluster gives no advice to answer; expected another role"),
+    "webhooks": ([HOOK], "kinds: a cluster gives no advice to single robots; remove 'advice'"),
+    "mqtt": ({"host": "hall", "kinds": ["advice"]}, "mqtt.kinds: a cluster gives no advice to single robots"),
+}
+"""By key, a value that has no effect in a cluster, and what is said of it."""
+
+
+@pytest.mark.parametrize("key", IGNORED)
+def test_a_key_that_a_cluster_ignores_is_refused_there(key: str, tmp_path: Path) -> None:
+    value, problem = IGNORED[key]
+    document = put(sound(), key, value)
+    assert checked(document, tmp_path)[0] == 0
+    code, text = checked(put(document, "cluster", CLUSTER), tmp_path)
+    assert code == 2
+    assert problem in text
+
+
+def test_a_file_for_a_cluster_may_say_that_it_wants_neither(tmp_path: Path) -> None:
+    document = put(put(sound(), "blackbox", {"enabled": False}), "vendors.0.verbs", [])
+    assert checked(put(document, "cluster", CLUSTER), tmp_path)[0] == 0

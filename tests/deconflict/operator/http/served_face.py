@@ -127,7 +127,7 @@ class GivenSources:
         picture.add_batch(replace(self.whole, now_s=at_s), whole=True)
         return picture.since(0)
 
-    def recorded(self) -> tuple[float, float] | None:
+    async def recorded(self) -> tuple[float, float] | None:
         return 1.0, 2.0
 
     def blackboxes(self) -> list[dict[str, Any]]:

@@ -11,12 +11,14 @@ from typing import Any
 
 import pytest
 
+from deconflict.engine.canary import canary_engine, canary_pair
+from deconflict.engine.canary.canary_engine import judged
+from deconflict.engine.canary.canary_pair import FLOOR, ROBOTS, CanaryPair, canary_batch
+from deconflict.engine.canary.canary_parcel import Canary, packed, unpacked
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store
-from deconflict.roles.health import canary_engine, canary_health, canary_pair
-from deconflict.roles.health.canary_engine import judged
+from deconflict.roles.health import canary_health
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
-from deconflict.roles.health.canary_pair import FLOOR, ROBOTS, Canary, CanaryPair, canary_batch, packed, unpacked
 from tests.deconflict.roles.made_service import Running, running
 from tests.helpers.patience import PATIENCE_S
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
+from deconflict.engine.canary.canary_parcel import Canary
 from deconflict.engine.engine import Engine
-from deconflict.roles.health.canary_pair import Canary
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Batch

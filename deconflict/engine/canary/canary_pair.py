@@ -7,11 +7,10 @@ has them.
 
 import asyncio
 import json
-import struct
 import time
 from collections.abc import Callable
-from typing import NamedTuple
 
+from deconflict.engine.canary.canary_parcel import Canary
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.languages import timestamps
@@ -22,18 +21,6 @@ CANARY_EVERY_S = 5.0
 FLOOR = "ca9a7700-0000-4000-8000-000000000000"
 ROBOTS = {"ca9a7700-0000-4000-8000-000000000001": (-4.0, 1.0), "ca9a7700-0000-4000-8000-000000000002": (4.0, -1.0)}
 """Where each is on the x axis, m, and how fast it drives, m/s."""
-WITH_CANARY = b"canary"
-"""In a request for a batch: the answer is `packed`, with the canary that is due."""
-_HEAD = struct.Struct(">dI")
-
-
-class Canary(NamedTuple):
-    """Two robots that are about to meet."""
-
-    due_s: float
-    """When their messages were due, monotonic time, which all processes of a machine share."""
-    batch: bytes
-    """As `Batch.to_bytes` gives it."""
 
 
 class CanaryPair:
@@ -85,16 +72,3 @@ def _status(uuid: str, now_s: float) -> bytes:
             "path": path,
         }
     ).encode()
-
-
-def packed(batch: bytes, canary: Canary | None) -> bytes:
-    """A batch with a canary."""
-    due_s, canary_bytes = canary or (0.0, b"")
-    return _HEAD.pack(due_s, len(canary_bytes)) + canary_bytes + batch
-
-
-def unpacked(reply: bytes) -> tuple[bytes, Canary | None]:
-    """The batch and the canary of `packed`."""
-    due_s, size = _HEAD.unpack_from(reply)
-    canary = Canary(due_s, reply[_HEAD.size : _HEAD.size + size])
-    return reply[_HEAD.size + size :], canary if size else None
