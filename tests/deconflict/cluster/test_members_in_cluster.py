@@ -1,11 +1,16 @@
 """A member that is dead is seen by every operator face, with a real NATS server."""
 
+import asyncio
+import json
 import signal
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
+from websockets.asyncio.client import connect
+
 from tests.deconflict.cluster.made_cluster import cluster, face, needs_server, until
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 
 pytestmark = needs_server
@@ -75,7 +80,7 @@ async def test_what_the_site_file_expects_is_missed_though_nobody_ever_saw_it(tm
         await until(base, "/healthz", members("degraded", ingest=0, engine=1, face=1))
 
 
-async def test_an_ingest_whose_receiver_is_dead_is_missed(tmp_path: Path) -> None:
+async def test_an_ingest_whose_receiver_is_dead_is_missed_also_on_the_page(tmp_path: Path) -> None:
     async with cluster(tmp_path) as (machines, operator):
         base = f"http://127.0.0.1:{operator.port}"
         machines.start("west", "receiver", "feed")
@@ -83,3 +88,6 @@ async def test_an_ingest_whose_receiver_is_dead_is_missed(tmp_path: Path) -> Non
         machines.kill("west", "receiver")
         health = await until(base, "/healthz", members("degraded", ingest=0, engine=0, face=1))
         assert "ingests there: 0 of 1 (" in health["members"]["reason"]
+        async with connect(f"ws://127.0.0.1:{operator.port}/live") as page, asyncio.timeout(PATIENCE_S):
+            while "ingests there: 0 of 1 (" not in json.loads(await page.recv()).get("health", {}).get("notice", ""):
+                pass
