@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -16,6 +17,8 @@ from ingest.fleet.shared_identities import SharedIdentity
 
 LEASE_S = 4.0
 """A member that has sent no heartbeat for this long is gone."""
+MOST_REMEMBERED = 1_000
+"""Members, also of before, whose last heartbeat is known when it comes again."""
 CLOCK_WARNING_S = 5.0
 """A warning is logged if a member's clock differs by more. A heartbeat is received within `LEASE_S`."""
 INTRODUCTION_BYTES = 1 << 26
@@ -31,6 +34,8 @@ class SharedState:
         self._connection, self._name = connection, connection.name
         self._heartbeats: dict[str, tuple[float, dict[str, Any]]] = {}
         """By member, when its last heartbeat came by this machine's clock, and its contents."""
+        self._sent_s: OrderedDict[str, float | None] = OrderedDict()
+        """By member, when it sent its last heartbeat by its own clock."""
 
     async def ensure(self) -> None:
         """Create the buckets that do not exist, and have as many copies of the others as the site file says."""
@@ -75,6 +80,12 @@ class SharedState:
 
     async def _on_heartbeat(self, message: Msg) -> None:
         member, document = message.subject.rsplit(".", 1)[1], json.loads(message.data or b"{}")
+        if document.get("at_s") == self._sent_s.get(member):  # a server that leads from now on sends it again
+            return
+        self._sent_s[member] = document.get("at_s")
+        self._sent_s.move_to_end(member)
+        while len(self._sent_s) > MOST_REMEMBERED:
+            self._sent_s.popitem(last=False)
         self._heartbeats[member] = time.monotonic(), document
         off_s = document.get("at_s", now_s := time.time()) - now_s
         if abs(off_s) > CLOCK_WARNING_S:

@@ -1,6 +1,8 @@
 """What the durable stream takes and what it refuses, with a real NATS server."""
 
 import asyncio
+import json
+import time
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
@@ -14,6 +16,7 @@ from nats.js.api import ConsumerConfig, ConsumerInfo
 
 from deconflict.cluster.engine_member import EngineMember
 from deconflict.cluster.judging.stream_writer import StreamWriter
+from deconflict.cluster.nats import shared_state
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.nats_tasks import end_tasks, open_bus
 from deconflict.cluster.nats.revision_stream import OverruledError
@@ -46,6 +49,26 @@ async def test_a_repeated_revision_is_stored_once_and_another_in_its_place_is_re
         stands = await other.revisions.last(key_of(made(1)))
     assert stands
     assert stands.advisory == made(1, revision=2)
+
+
+async def test_a_heartbeat_that_a_server_sends_again_makes_no_dead_member_live(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shared_state, "LEASE_S", 1.0)
+    again = json.dumps({"at_s": time.time() - 106.0}).encode()
+    async with buses(Broker(tmp_path), 1) as (bus,), asyncio.timeout(PATIENCE_S):
+        subject = f"$KV.{bus.name}-members.engine-a"
+        await bus.connection.js.publish(subject, again)
+        while "engine-a" not in bus.state.members():
+            await asyncio.sleep(0.02)
+        while "engine-a" in bus.state.members():
+            await asyncio.sleep(0.02)
+        await bus.connection.js.publish(subject, again)
+        await bus.state.beat("engine-b", {})
+        while "engine-b" not in bus.state.members():
+            assert "engine-a" not in bus.state.members()
+            await asyncio.sleep(0.02)
+        assert "engine-a" not in bus.state.members()
 
 
 async def test_a_consumer_that_ended_while_it_began_is_an_error_like_those_of_a_late_server(tmp_path: Path) -> None:
