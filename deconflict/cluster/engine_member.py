@@ -89,7 +89,7 @@ class EngineMember:
         self._subscribed: dict[str, Callable[[], Awaitable[None]]] = {}
         """By channel, the function that ends the subscription."""
         self._own_ingest = OwnIngest(self._bus.connection, runtime, self._new_sorter)
-        self._own_face = OwnFace(self._bus.connection, runtime, self._own_ingest)
+        self._own_face = OwnFace(self._bus.connection, runtime, self._own_ingest, self._reported)
         self._writer = StreamWriter(self._bus.revisions, self.measures)
         self._global_engine = GlobalEngine(site, self._bus, self._writer, self._adviser.submit, ended_early)
         self._outbox = Outbox(self._writer)
@@ -212,7 +212,7 @@ class EngineMember:
             self._loss_writer.add(ledger_entries(losses))
             if heard is not None:
                 advisories = [revision.advisory for revision in revisions]
-                self._own_face.note_pass(time.time(), advisories, self._shard.engine.conflicts(), self._measures())
+                self._own_face.note_pass(time.time(), advisories, self._shard.engine.conflicts())
             if revisions or heard is None:
                 self._outbox.add_pass(revisions, partial(self._observe_latency, arrivals))
             self._needed = self._shard.channels()
@@ -231,14 +231,19 @@ class EngineMember:
         loads, self._shard.loads = self._shard.loads, type(self._shard.loads)()
         self._document = {
             "loads": {str(tile): loads[tile] / interval_s for tile in sorted(tiles)},
-            "measures": self._measures(),
+            "measures": [
+                *self._shard.measures(),
+                self._losses.measures.as_document(),
+                self.measures.as_document(),
+                *self._global_engine.measures,
+            ],
             "presence": self._global_engine.presence,
             "distrusted": self._shard.distrusted()[:MOST_SHOWN],
         }
 
-    def _measures(self) -> list[dict[str, Any]]:
-        own = self._losses.measures.as_document(), self.measures.as_document()
-        return [*self._shard.measures(), *own, *self._global_engine.measures]
+    def _reported(self) -> list[dict[str, Any]]:
+        measures: list[dict[str, Any]] = self._document.get("measures", [])
+        return measures
 
     def _apply(self, site: Site) -> None:
         """Use a changed site file, and request all robots again."""

@@ -27,8 +27,8 @@ from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S, RETRY_S = 0.1, 0.2
-MOST_CLEARED = 5_000
-"""Most cleared advisories that wait for an operator face that does not answer."""
+MOST_CLEARED, MOST_PASSES = 5_000, 600
+"""Most cleared advisories, and times of passes, that wait for an operator face that does not answer."""
 
 
 class OwnIngest:
@@ -72,31 +72,32 @@ class OwnIngest:
 class OwnFace:
     """The operator face of this machine, which takes decisions at once while no server is connected."""
 
-    def __init__(self, connection: NatsConnection, runtime: Path, own_ingest: OwnIngest) -> None:
+    def __init__(
+        self,
+        connection: NatsConnection,
+        runtime: Path,
+        own_ingest: OwnIngest,
+        measures: Callable[[], list[dict[str, Any]]],
+    ) -> None:
+        """`measures` are the engine's, as of its last report."""
         self._connection, self._operator = connection, AsyncCaller(runtime, "operator")
-        self._own_ingest = own_ingest
-        self._passes_s: list[float] = []
+        self._own_ingest, self._measures = own_ingest, measures
+        self._passes_s: deque[float] = deque(maxlen=MOST_PASSES)
         """Times of the passes since the last parcel."""
         self._cleared: deque[ConflictAdvisory] = deque(maxlen=MOST_CLEARED)
         self._open: dict[str, ConflictAdvisory] = {}
         """By id, as of the last pass."""
         self._taken: dict[str, int] = {}
         """By id, the revision that the face has taken of each open advisory."""
-        self._measures: list[dict[str, Any]] = []
 
     def note_pass(
-        self,
-        now_s: float,
-        revisions: Iterable[ConflictAdvisory],
-        conflicts: Iterable[ConflictAdvisory],
-        measures: list[dict[str, Any]],
+        self, now_s: float, revisions: Iterable[ConflictAdvisory], conflicts: Iterable[ConflictAdvisory]
     ) -> None:
         """Take note of what a pass decided while no server is connected, and of all that is open."""
         heard = self._own_ingest.robots or ()
         self._passes_s.append(now_s)
         self._cleared += [each for each in revisions if each.state is AdvisoryState.CLEARED]
         self._open = {each.id: each for each in conflicts if all(robot in heard for robot in each.robots)}
-        self._measures = measures
 
     async def run(self) -> None:
         """Have the face stand alone while no server is connected, and follow the stream otherwise; without end."""
@@ -113,21 +114,22 @@ class OwnFace:
             await asyncio.sleep(RETRY_S)
 
     def _forget(self) -> None:
-        self._passes_s, self._open, self._taken = [], {}, {}
-        self._cleared.clear()
+        for noted in (self._passes_s, self._cleared, self._open, self._taken):
+            noted.clear()
 
     async def _deliver(self) -> None:
         """Send what changed since the last parcel that was taken. Raises `LinkDownError`."""
-        cleared, passes_s, queued_s = list(self._cleared), self._passes_s, time.monotonic()
+        cleared, passes_s, queued_s = list(self._cleared), list(self._passes_s), time.monotonic()
         changed = [each for each in self._open.values() if self._taken.get(each.id) != each.revision]
         parcels = cut_into_parcels(map(to_json, [*cleared, *changed]))
         for number, lines in enumerate(parcels or [[]], 1):
             is_last = number >= len(parcels)
-            head = {"queued_s": queued_s, **({"passes_s": passes_s, "measures": self._measures} if is_last else {})}
+            head = {"queued_s": queued_s, **({"passes_s": passes_s, "measures": self._measures()} if is_last else {})}
             if await self._operator.call("publish", packed_parcel(head, lines)) != STORED:
                 return
-        self._passes_s = self._passes_s[len(passes_s) :]
-        for _ in cleared:
+        while self._passes_s and self._passes_s[0] <= passes_s[-1]:
+            self._passes_s.popleft()
+        while self._cleared and self._cleared[0] in cleared:
             self._cleared.popleft()
         self._taken |= {each.id: each.revision for each in changed}
         self._taken = {advisory_id: number for advisory_id, number in self._taken.items() if advisory_id in self._open}

@@ -8,7 +8,7 @@ import tempfile
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -163,7 +163,8 @@ def _alone(site: Site, runtime: Path, data: Path) -> tuple[Site, Path]:
     data, begun = data / ALONE_FILE, runtime / ALONE_FILE
     if not begun.read_text():
         shutil.rmtree(data, ignore_errors=True)
-    data.mkdir(exist_ok=True)
+    with suppress(OSError):  # a face needs no disk
+        data.mkdir(exist_ok=True)
     begun.write_text("begun")
     recorder = site.recorder.model_copy(update={"enabled": False})
     return site.model_copy(update={"cluster": None, "recorder": recorder}), data
