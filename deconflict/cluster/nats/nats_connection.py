@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from math import inf
@@ -27,6 +28,8 @@ QUICK_TIMEOUT_S = 1.0
 """Time limit for heartbeats of members: a later one would not count in time."""
 CUT_OFF_S = 2.0
 """Without a server for this long, this machine goes on by itself. A client finds another server sooner."""
+SILENT_S = 30.0
+"""The same if a server is connected, and takes no heartbeat: most of the others are lost. Others are elected sooner."""
 SETTLE_S = 2.0
 """It goes on so for this long after a reconnect: by then the stream has what each machine decided by itself."""
 RETRY_S = 0.2
@@ -50,6 +53,10 @@ class NatsConnection:
         """Since when no server is connected, monotonic time; None while one is."""
         self._was_cut_off = False
         """As of the last look."""
+        self._served_s = inf
+        """Since when all is as before, monotonic time."""
+        self.answered_s = inf
+        """When a server took the last heartbeat, monotonic time; inf before the first."""
         self._reconnected, self._is_closed = asyncio.Event(), False
         self._renewing: asyncio.Task[None] | None = None
         self._warned_s: dict[str, float] = {}
@@ -90,12 +97,14 @@ class NatsConnection:
         return self._lost_s is not None
 
     def is_cut_off(self) -> bool:
-        """Whether no server has been connected for a while, up to a moment ago."""
-        now_s = time.monotonic()
-        if self._lost_s is not None:
-            self._was_cut_off = now_s - self._lost_s > CUT_OFF_S
-        elif self._was_cut_off:
-            self._was_cut_off = now_s - self.renewed_s < SETTLE_S
+        """Whether this machine goes on by itself: from a while without a server, up to a moment after all is as before."""
+        now_s, is_connected = time.monotonic(), self.is_connected()
+        is_gone = not is_connected and self._lost_s is not None and now_s - self._lost_s > CUT_OFF_S
+        if is_gone or now_s - self.answered_s > SILENT_S:
+            self._was_cut_off, self._served_s = True, inf
+        elif self._was_cut_off and self._lost_s is None:
+            self._served_s = min(self._served_s, now_s)
+            self._was_cut_off = now_s - self._served_s < SETTLE_S
         return self._was_cut_off
 
     async def subscribe(
@@ -196,17 +205,33 @@ class NatsConnection:
             await self._reconnected.wait()
             self._reconnected.clear()
             try:
+                self.js = self.quick  # a call that a lost server was to answer is made again soon
                 await restore()
-                for subscription in list(self._subscriptions):
-                    await subscription.begin(self.js)
+                await self._begin_again()
             except BUS_ERRORS as error:
                 log.warning("%s is not connected again yet: %s", self.name, error or type(error).__name__)
                 self._reconnected.set()
                 await asyncio.sleep(RETRY_S)
             else:
+                self.js = self.client.jetstream()
                 self.renewed_s, self._lost_s = time.monotonic(), None
                 self.renewals += 1
                 log.warning("%s is connected again", self.name)
+
+    async def _begin_again(self) -> None:
+        """Begin every subscription again. A server may be asked to serve one that is lost itself: then the others come
+        first, and it is asked again. Raises `BUS_ERRORS` if none of those left begins, or after another reconnect."""
+        waiting, failed = deque(self._subscriptions), 0
+        while waiting:
+            subscription = waiting.popleft()
+            try:
+                await subscription.begin(self.quick)
+                failed = 0
+            except BUS_ERRORS:
+                waiting.append(subscription)
+                failed += 1
+                if failed >= len(waiting) or self._reconnected.is_set():
+                    raise
 
 
 async def entry(bucket: KeyValue, key: str) -> tuple[int, bytes | None]:

@@ -53,6 +53,7 @@ class SharedState:
         """Send a member's heartbeat, with a document for the other members."""
         data = json.dumps(document | {"at_s": time.time()}).encode()
         await self._connection.quick.publish(f"$KV.{self._name}-members.{member}", data)
+        self._connection.answered_s = time.monotonic()
 
     def members(self) -> dict[str, dict[str, Any]]:
         """The last document of every member that has sent a heartbeat within `LEASE_S`."""
