@@ -1,4 +1,4 @@
-"""Identity reports, shared by all ingests: a robot's report may come to one ingest, and its statuses to another."""
+"""What all ingests share of robots: identity reports, since statuses may come to another ingest, and given owners."""
 
 import asyncio
 import json
@@ -31,22 +31,42 @@ class IdentityExchange:
         self._known: dict[str, SharedIdentity] = {}
         self._new: dict[str, SharedIdentity] = {}
         """Reports of other ingests that the receiver does not have yet."""
+        self._given: dict[str, str] = {}
+        """Robots that the receiver does not know to be given yet, with their vendors."""
         self._delivered_s: dict[str, float] = {}
         """When the receiver last got the report of an unidentified robot."""
 
     async def run(self) -> None:
         """Exchange reports without end, also while the server or the receiver does not answer."""
+        await self._bus.state.follow_given(self._give)
         await self._bus.state.follow_identities(self._add)
         while True:
             await asyncio.sleep(EXCHANGE_EVERY_S)
             try:
+                await self._deliver_given()
                 await self._send_new()
                 await self._deliver()
             except (LinkDownError, *BUS_ERRORS) as error:
                 log.warning("identity reports wait: %s", error or type(error).__name__)
 
+    def _give(self, uuid: str, vendor: str) -> None:
+        self._given[uuid] = vendor
+        for identities in (self._known, self._new):
+            if (known := identities.get(uuid)) and known.owner != vendor:
+                del identities[uuid]
+
     def _add(self, shared_identity: SharedIdentity) -> None:
+        if not self._bus.state.is_owned(shared_identity):
+            return
         self._known[shared_identity.uuid] = self._new[shared_identity.uuid] = shared_identity
+
+    async def _deliver_given(self) -> None:
+        for uuid, vendor in list(self._given.items()):
+            answer = json.loads(await self._receiver.call("give_robot", json.dumps([uuid, vendor]).encode()))
+            if answer["problem"]:
+                log.warning("robot %s can't be given to %s here: %s", uuid, vendor, answer["problem"])
+            if self._given[uuid] == vendor:
+                del self._given[uuid]
 
     async def _send_new(self) -> None:
         """Send the receiver's new reports to the others; all of them after a reconnect, which may lose some."""

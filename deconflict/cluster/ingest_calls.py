@@ -51,6 +51,7 @@ class IngestCalls:
             "follow": self._follow,
             RECORDED: self._recorded,
             PAST: self._past,
+            "give_robot": self._give_robot,
         }
 
     async def run(self) -> None:
@@ -104,6 +105,16 @@ class IngestCalls:
         """The floor at a time as one frame of `FloorFrames`, by the recordings of all ingests that have it in time."""
         answers = await self._answers(f"{PAST} {at_s.decode()}", PAST_WITHIN_S)
         return (await asyncio.to_thread(past_frame, answers)).encode()
+
+    async def _give_robot(self, payload: bytes) -> bytes:
+        """Let a robot belong to a vendor at every ingest, also at one that is down now. The owner before."""
+        uuid, vendor = json.loads(payload)
+        owners = {document["uuid"]: document["vendor"] for document in json.loads(await self._robots(b""))}
+        try:
+            await self._bus.state.give(uuid, vendor)
+        except BUS_ERRORS as error:
+            raise LinkDownError("NATS server") from error
+        return json.dumps({"before": owners.get(uuid), "problem": ""}).encode()
 
     async def _follow(self, payload: bytes) -> bytes:
         """The next batch of all ingests, as `ReceiverRole` gives those of one."""

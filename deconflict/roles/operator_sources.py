@@ -36,6 +36,7 @@ from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
 from deconflict_client.answers.loss_models import LossList
 from ingest.batch import Batch
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.measures.measures import Measures, joined_values
 
 ENGINE_STALE_S = 5.0
@@ -96,15 +97,15 @@ class OperatorSources:
         return [robot | _presence_of(robot["uuid"], self._engine.presence) for robot in robots]
 
     async def give_robot(self, uuid: str, vendor: str) -> dict[str, Any]:
-        if self._is_cluster:
-            problem = "in a cluster, name the robot in vendors.robots of the site file of each ingest"
+        problem = VendorRegistry(self.history.site.vendors).problem_of_giving(uuid, vendor)
+        if self._is_cluster and problem:  # an ingest that is down can't say it
             return {"before": None, "problem": problem}
         try:
             answer: dict[str, Any] = json.loads(
                 await self._receiver.call("give_robot", json.dumps([uuid, vendor]).encode())
             )
         except LinkDownError as error:
-            raise SourceUnavailableError("receiver") from error
+            raise SourceUnavailableError(await self._missing_role()) from error
         return answer
 
     def presence(self) -> dict[str, Any]:

@@ -322,7 +322,7 @@ class ReceiverRole:
         uuid, vendor = json.loads(payload)
         before = self.fleet.owners.owner(uuid)
         problem = self.fleet.owners.problem_of_giving(uuid, vendor)
-        if not problem:
+        if not problem and before != vendor:
             self.fleet.give(uuid, vendor)
             self.recorder.given(uuid, vendor, self._now_s())
             logger.info("robot %s was given to %s; before, it was %s", uuid, vendor, before or "nobody's")

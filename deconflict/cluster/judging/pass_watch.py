@@ -1,10 +1,13 @@
 """Notices that a pass hangs in its thread, while the event loop of its engine goes on to send heartbeats."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S
 from deconflict.runtime.heartbeat import SILENCE_LIMIT_S
+
+log = logging.getLogger(__name__)
 
 
 class HangingPassError(Exception):
@@ -33,4 +36,6 @@ class PassWatch:
         """A heartbeat is due. Raises `HangingPassError`."""
         self._beats += 1
         if self._is_passing and self._beats * BEAT_EVERY_S > SILENCE_LIMIT_S:
-            raise HangingPassError(self._whose)
+            error = HangingPassError(self._whose)
+            log.error("%s", error)  # the process can't end before the pass does, and is killed
+            raise error

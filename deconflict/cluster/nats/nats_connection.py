@@ -97,7 +97,7 @@ class NatsConnection:
         return self._lost_s is not None
 
     def is_cut_off(self) -> bool:
-        """Whether this machine goes on by itself: from a while without a server, up to a moment after all is as before."""
+        """Whether this machine goes on by itself: from a while without a server to a moment after all is as before."""
         now_s, is_connected = time.monotonic(), self.is_connected()
         is_gone = not is_connected and self._lost_s is not None and now_s - self._lost_s > CUT_OFF_S
         if is_gone or now_s - self.answered_s > SILENT_S:

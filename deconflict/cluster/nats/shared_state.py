@@ -1,4 +1,4 @@
-"""Buckets that all members of a cluster share: live members, owners of tiles, learned state, identity reports."""
+"""Buckets that all members of a cluster share: live members, owners of tiles and robots, learned state, identities."""
 
 import json
 import time
@@ -23,12 +23,14 @@ CLOCK_WARNING_S = 5.0
 """A warning is logged if a member's clock differs by more. A heartbeat is received within `LEASE_S`."""
 INTRODUCTION_BYTES = 1 << 26
 """Size of the bucket for identity reports: enough for some hundred thousand robots."""
+GIVEN_BYTES = 1 << 24
+"""Size of the bucket for robots that people gave to a vendor: enough for a hundred thousand."""
 FEED = "feed-"
 """Prefix of the names of members that are ingests."""
 
 
 class SharedState:
-    """Buckets `NAME-members`, `NAME-table`, `NAME-learned` and `NAME-introduced`."""
+    """Buckets `NAME-members`, `NAME-table`, `NAME-learned`, `NAME-introduced` and `NAME-given`."""
 
     def __init__(self, connection: NatsConnection) -> None:
         self._connection, self._name = connection, connection.name
@@ -36,6 +38,8 @@ class SharedState:
         """By member, when its last heartbeat came by this machine's clock, and its contents."""
         self._sent_s: OrderedDict[str, float | None] = OrderedDict()
         """By member, when it sent its last heartbeat by its own clock."""
+        self._given_to: dict[str, str] = {}
+        """By robot that a person gave to a vendor, that vendor."""
 
     async def ensure(self) -> None:
         """Create the buckets that do not exist, and have as many copies of the others as the site file says."""
@@ -43,6 +47,7 @@ class SharedState:
         await self._connection.ensure_bucket("table")
         self._learned = await self._connection.ensure_bucket("learned")
         self._introduced = await self._connection.ensure_bucket("introduced", max_bytes=INTRODUCTION_BYTES)
+        self._given = await self._connection.ensure_bucket("given", max_bytes=GIVEN_BYTES)
         self._table = await self._connection.quick.key_value(f"{self._name}-table")
 
     async def follow_members(self) -> None:
@@ -103,8 +108,31 @@ class SharedState:
         """The learned state under a name; None if there is none."""
         return (await entry(self._learned, name))[1]
 
+    async def give(self, uuid: str, vendor: str) -> None:
+        """Let a robot belong to a vendor. The identity report that others sent of it is removed."""
+        await self._given.put(uuid, vendor.encode())
+        bucket = f"{self._name}-introduced"
+        await self._connection.js.purge_stream(f"KV_{bucket}", subject=f"$KV.{bucket}.{uuid}")
+
+    async def follow_given(self, receive: Callable[[str, str], None]) -> None:
+        """Receive each robot that was given to a vendor, with the vendor, and then each new one."""
+
+        async def on_message(message: Msg) -> None:
+            uuid, vendor = message.subject.rsplit(".", 1)[1], message.data.decode()
+            self._given_to[uuid] = vendor
+            receive(uuid, vendor)
+
+        bucket = f"{self._name}-given"
+        await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", on_message, newest_of_each)
+
+    def is_owned(self, shared_identity: SharedIdentity) -> bool:
+        """Whether the robot was given to no other vendor than that of its identity report."""
+        return self._given_to.get(shared_identity.uuid, shared_identity.owner) == shared_identity.owner
+
     async def put_identity(self, shared_identity: SharedIdentity) -> None:
         """Keep a robot's identity report, unless the bucket has it, a newer one, or another vendor's."""
+        if not self.is_owned(shared_identity):
+            return
         data = json.dumps(shared_identity.document()).encode()
         while self._connection.fits(shared_identity.uuid, data):
             last, kept = await entry(self._introduced, shared_identity.uuid)

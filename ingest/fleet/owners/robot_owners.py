@@ -89,10 +89,7 @@ class RobotOwners:
 
     def problem_of_giving(self, uuid: str, vendor: str) -> str:
         """Why the robot can't be given to the vendor by a person; "" if it can."""
-        if not self.vendors.is_known(vendor):
-            return f"vendor: {vendor!r} is in no site file and no robot has named it"
-        assigned = self.vendors.of_robot(uuid)
-        return f"the site file gives the robot to {assigned}; change vendors.robots there" if assigned else ""
+        return self.vendors.problem_of_giving(uuid, vendor)
 
     def is_named(self, message: Identity | Status | Update, connection: Connection) -> bool:
         """Whether a vendor names its robot. Then the robot is its own: the UUID was derived from vendor and name."""

@@ -68,6 +68,13 @@ class VendorRegistry:
         """The vendor to which the site file assigns the robot. None if to none."""
         return self._by_robot.get(uuid)
 
+    def problem_of_giving(self, uuid: str, vendor: str) -> str:
+        """Why the robot can't be given to the vendor by a person; "" if it can."""
+        if not self.is_known(vendor):
+            return f"vendor: {vendor!r} is in no site file and no robot here has named it"
+        assigned = self.of_robot(uuid)
+        return f"the site file gives the robot to {assigned}; change vendors.robots there" if assigned else ""
+
     def settings(self, name: str) -> Vendor:
         return self._configured.get(name) or self._unconfigured.get(name) or _default_settings(name)
 

@@ -65,7 +65,6 @@ class Tried:
     async def gives(self, vendor: str, name: str) -> bool:
         """Whether a robot can be given to a vendor."""
         answer = await self._client.post(f"/robots/{robot(name)}/owner", json={"vendor": vendor})
-        assert answer.status_code == 200 or "vendors.robots of the site file" in answer.text
         return answer.status_code == 200
 
     async def comes(self, path: str, wanted: Callable[[httpx.Response], bool]) -> bool:

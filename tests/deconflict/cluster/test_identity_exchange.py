@@ -1,6 +1,7 @@
 """A robot may say who it is to one ingest and where it is to another, with a real NATS server."""
 
 import asyncio
+import json
 import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
@@ -11,14 +12,18 @@ import pytest
 from websockets.asyncio.client import connect
 
 from deconflict.cluster import identity_exchange
+from deconflict.cluster.nats.bus import Bus
+from deconflict.cluster.nats.nats_connection import entry
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.measures.measures import Measures
 from ingest.recording.log_segments import segments
-from ingest.settings import Reading
-from tests.deconflict.cluster.made_cluster import cluster, ingest, needs_server, until
+from ingest.settings import Reading, Vendor
+from tests.deconflict.cluster.made_cluster import Machines, cluster, ingest, needs_server, until
 from tests.deconflict.roles.made_service import free_ports
+from tests.helpers.patience import PATIENCE_S
+from tests.helpers.plain_http import http_client
 from tests.helpers.saying import identity, robot, status
 from tests.ingest.fleet.made_fleet import documents
 
@@ -40,13 +45,18 @@ async def report(url: str, name: str) -> None:
             await asyncio.sleep(0.5)
 
 
-def sized(**lengths_m: float) -> Callable[[dict[str, Any]], bool]:
+def refused(*vendors: str) -> Callable[[dict[str, Any]], bool]:
+    """Whether messages of these vendors, and of no others, were refused."""
+    return lambda document: {each["vendor"] for each in document.get("rejected", ())} == set(vendors)
+
+
+def sized(vendor: str = "Alder", **lengths_m: float) -> Callable[[dict[str, Any]], bool]:
     """Whether these robots are somewhere and known by name, and how long they are."""
 
     def found(document: dict[str, Any]) -> bool:
         known = [row for row in document.get("robots", ()) if row["identified"] and row["envelope"]]
         return {row["name"]: row["envelope"]["length_m"] for row in known} == {
-            f"Alder {name}": length_m for name, length_m in lengths_m.items()
+            f"{vendor} {name}": length_m for name, length_m in lengths_m.items()
         }
 
     return found
@@ -113,6 +123,44 @@ async def test_the_first_vendor_to_identify_a_robot_keeps_it(tmp_path: Path) -> 
         await until(*robots, sized(A=1.0, B=1.0, C=1.0))
         for task in (beside, *reporting):
             task.cancel()
+
+
+async def test_a_robot_is_given_to_a_vendor_and_an_ingest_that_starts_later_knows_it(tmp_path: Path) -> None:
+    site = Site(vendors=(Vendor(name="Alder"), Vendor(name="Corvid")))
+    async with cluster(tmp_path, site) as (machines, operator):
+        base = f"http://127.0.0.1:{operator.port}"
+        async with ingest(machines, tmp_path / "west") as west, http_client(base) as client:
+            corvids = identity("A", time.time(), manufacturerName="Corvid")
+            await say(f"{west}/Corvid", corvids, status("A", time.time()))
+            await until(base, "/robots", sized(vendor="Corvid", A=1.0))
+            await introduced(machines, "Corvid")
+            await say(f"{west}/Alder", status("A", time.time()))
+            await until(base, "/quarantine", refused("Alder"))
+            answer = await client.post(f"/robots/{robot('A')}/owner", json={"vendor": "Birch"})
+            assert (answer.status_code, "'Birch' is in no site file" in answer.json()["detail"]) == (409, True)
+            answer = await client.post(f"/robots/{robot('A')}/owner", json={"vendor": "Alder"})
+            assert answer.json() == {"uuid": robot("A"), "vendor": "Alder", "before": "Corvid"}
+            await until(base, "/robots", lambda listed: listed["robots"] == [])
+            await say(f"{west}/Alder", identity("A", time.time(), baseRobotEnvelope=LARGE), status("A", time.time()))
+            await introduced(machines, "Alder")
+        async with ingest(machines, tmp_path / "east") as east:
+            for vendor, path, wanted in (
+                ("Corvid", "/quarantine", refused("Corvid")),
+                ("Alder", "/robots", sized(A=2.0)),
+            ):
+                reporting = asyncio.create_task(report(f"{east}/{vendor}", "A"))
+                await until(base, path, wanted)
+                reporting.cancel()
+
+
+async def introduced(machines: Machines, owner: str) -> None:
+    """Wait until the servers have the identity report that a vendor sent of the robot A."""
+    bus = Bus(machines.settings, 1.0)
+    await bus.open()
+    async with asyncio.timeout(PATIENCE_S):
+        while json.loads((await entry(bus.state._introduced, robot("A")))[1] or b"{}").get("owner") != owner:
+            await asyncio.sleep(0.1)
+    await bus.close()
 
 
 async def test_a_robot_that_was_forgotten_and_comes_back_is_known_again(

@@ -45,6 +45,13 @@ def test_late_passes_in_a_row_leave_out_exact_separations_first_then_far_conflic
     ]
 
 
+def test_no_effort_is_below_the_least() -> None:
+    shedder = LoadShedder(DEADLINE_S, least=Effort.COARSE)
+    for number in range(3 * LATE_PASSES):
+        shedder.add_pass(LATE, number * EVERY_S)
+    assert shedder.effort is Effort.COARSE
+
+
 def test_easy_passes_restore_effort_step_by_step_and_tight_ones_do_not() -> None:
     passes = int(EASY_S / EVERY_S)
     assert after(*[TIGHT] * 500, start=Effort.NEAR)[-1] is Effort.NEAR
