@@ -51,6 +51,7 @@ class MemberRoster:
         self._noted: dict[str, tuple[int, NotedMember]] = {}
         """By member, the number of its note, and the note."""
         self._noted_s, self._first_s, self._has_joined = -inf, inf, False
+        self._began_s = time.time()
 
     async def ensure(self) -> None:
         """Create the bucket if it does not exist."""
@@ -81,8 +82,10 @@ class MemberRoster:
                 self._has_joined = True
 
     async def _take_place(self, own: NotedMember) -> None:
-        """Of a member of the same part: of this host if there is one, else of the one that is gone for longest."""
-        alike = [each for each in self._gone() if self._noted[each][1].part == own.part]
+        """Of a member of the same part that ended before this one began: of this host if there is one, else of the one
+        that is gone for longest."""
+        gone = [each for each in self._gone() if self._state.last_sent_s(each) < self._began_s]
+        alike = [each for each in gone if self._noted[each][1].part == own.part]
         for member in sorted(alike, key=lambda each: self._noted[each][1].host != own.host):
             with suppress(BadRequestError):  # another one has taken it
                 await self._bucket.delete(member, last=self._noted[member][0])

@@ -5,6 +5,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from nats.aio.msg import Msg
@@ -67,6 +68,10 @@ class SharedState:
             member: heartbeat for member, heartbeat in self._heartbeats.items() if heartbeat[0] >= since_s
         }
         return {member: document for member, (_, document) in self._heartbeats.items()}
+
+    def last_sent_s(self, member: str) -> float:
+        """When a member sent the last heartbeat that is known, Unix time by its own clock; -inf if none is."""
+        return self._sent_s.get(member) or -inf
 
     def working(self) -> set[str]:
         """The members that do their work: not an ingest whose receiver does not answer."""

@@ -7,9 +7,11 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
+import pytest
 from websockets.asyncio.client import connect
 
-from tests.deconflict.cluster.made_cluster import cluster, face, needs_server, until
+from deconflict.cluster.nats import member_roster, shared_state
+from tests.deconflict.cluster.made_cluster import Broker, buses, cluster, face, needs_server, until
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 
@@ -49,6 +51,23 @@ async def test_a_dead_engine_is_missed_until_another_takes_its_place_or_it_says_
         machines.stop("third", "engine")
         health = await until(base, "/healthz", members("ok", ingest=1, engine=1, face=2))
         assert health["members"]["expected"]["engine"] == 1
+
+
+async def test_a_member_takes_no_place_of_one_that_died_after_it_began(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (shared_state, member_roster):
+        monkeypatch.setattr(module, "LEASE_S", 1.0)
+    monkeypatch.setattr(member_roster, "NOTE_EVERY_S", 0.1)
+    async with buses(Broker(tmp_path), 2) as (bus, other), asyncio.timeout(PATIENCE_S):
+        await bus.beat("engine-a", {})
+        await other.beat("engine-b", {})
+        while "engine-b" not in bus.state.working():
+            await asyncio.sleep(0.02)
+        while not bus.roster._has_joined or "engine-b" in bus.state.working():
+            await bus.beat("engine-a", {})
+            await asyncio.sleep(0.1)
+        assert [each.part for each in bus.roster.gone()] == ["engine"]
 
 
 async def test_a_face_without_servers_says_that_members_are_unknown(tmp_path: Path) -> None:
