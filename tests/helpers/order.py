@@ -11,6 +11,7 @@ WAITING = (
     "deconflict/cluster/nats/test_three_servers.py::",
     "deconflict/roles/test_faulty_files.py::",
     "deconflict/roles/test_disk_faults.py::",
+    "deconflict/roles/processes/test_unfit_files.py::test_a_service",
     "metrics/monitoring/test_prometheus.py::",
     "deconflict/roles/processes/test_data_of_release.py",
     "deconflict/simulation/test_demo.py::test_the_demo_ends",
