@@ -5,7 +5,7 @@ with the last seconds again, and its revisions are accepted only after those tha
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import pi
 
 import numpy as np
@@ -17,8 +17,6 @@ from deconflict.cluster.judging.shard import ShardRevision
 from deconflict.cluster.judging.stream_writer import follows
 from deconflict.cluster.nats.subscriptions import REPLAYED_S
 from deconflict.cluster.tiles.tiles import Grid, Tile
-from deconflict.foresight.forecast_errors.error_ledger import Ledger
-from deconflict.foresight.probability.calibration import Calibration
 from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from ingest.batch import Batch, Pair
 from tests.deconflict.cluster.made_shards import NOW_S, SITE, TICKS, Course, Ingests, Shards, Single
@@ -30,13 +28,7 @@ LATEST_TICKS = 3
 UNHEARD = {ClearedCode.LEFT, ClearedCode.LEFT_IN_SILENCE, ClearedCode.BOTH_SILENT}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _untaught() -> Iterable[None]:
-    """Each engine learns from the robots that it sees; without learning the figures are the same everywhere."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Ledger, "record", lambda *_: None)
-        patch.setattr(Calibration, "learn", lambda *_: None)
-        yield
+pytestmark = pytest.mark.usefixtures("untaught")
 
 
 class HandOvers(Shards):

@@ -11,21 +11,12 @@ from hypothesis import strategies as st
 
 from deconflict.advisories.advisory_counts import NEAR_MISSES
 from deconflict.cluster.tiles.tiles import Grid, Tile
-from deconflict.foresight.forecast_errors.error_ledger import Ledger
-from deconflict.foresight.probability.calibration import Calibration
 from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from metrics.monitoring.exposition import combine
 from tests.deconflict.cluster.made_shards import NOW_S, REACH_M, TICKS, Course, Ingests, Shards, Single, crossing
 from tests.helpers.saying import HALL, LOFT
 
-
-@pytest.fixture(scope="module", autouse=True)
-def _untaught() -> Iterable[None]:
-    """Each engine learns from the robots that it sees; without learning the figures are the same everywhere."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Ledger, "record", lambda *_: None)
-        patch.setattr(Calibration, "learn", lambda *_: None)
-        yield
+pytestmark = pytest.mark.usefixtures("untaught")
 
 
 def by_id(advisories: Iterable[ConflictAdvisory]) -> dict[str, list[ConflictAdvisory]]:
