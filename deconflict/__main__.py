@@ -23,9 +23,10 @@ from deconflict.runtime.logging_setup import begin as begin_log
 from deconflict.settings import site, site_file
 from deconflict.settings.importers import plan_reader
 from deconflict.settings.importers.plan import PlanError
+from deconflict.settings.importers.plan_summary import summary_lines
 from deconflict.settings.site_check import check
 from deconflict.simulation.simulation_commands import add_simulation_commands
-from ingest.languages.visible_text import visible_lines
+from ingest.languages.visible_text import visible, visible_lines
 from ingest.plain_files import UnfitFileError
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
@@ -100,6 +101,21 @@ def _add_site(commands: Commands) -> None:
     )
     site_parsers = site_parser.add_subparsers(dest="part", required=True, metavar="PART")
     add_site_new(site_parsers)
+    _add_site_import(site_parsers)
+    suggest_parser = add_command(
+        site_parsers,
+        "suggest",
+        "print resources at places where robots often stand, from recorded logs",
+        "deconflict site suggest data/log --site SITE.toml",
+    )
+    suggest_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    suggest_parser.add_argument(
+        "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"
+    )
+    suggest_parser.set_defaults(run=_site_suggest)
+
+
+def _add_site_import(site_parsers: Commands) -> None:
     import_parser = add_command(
         site_parsers,
         "import",
@@ -114,19 +130,10 @@ def _add_site(commands: Commands) -> None:
         metavar="M",
         help="width of lanes and places, metres (default: %(default)s)",
     )
+    import_parser.add_argument(
+        "--png", type=Path, metavar="FILE", help="also save a picture of the floors, places and lanes"
+    )
     import_parser.set_defaults(run=_site_import)
-
-    suggest_parser = add_command(
-        site_parsers,
-        "suggest",
-        "print resources at places where robots often stand, from recorded logs",
-        "deconflict site suggest data/log --site SITE.toml",
-    )
-    suggest_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    suggest_parser.add_argument(
-        "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"
-    )
-    suggest_parser.set_defaults(run=_site_suggest)
 
 
 def _add_descriptions(commands: Commands) -> None:
@@ -162,7 +169,15 @@ def _check(args: argparse.Namespace) -> int:
 
 
 def _site_import(args: argparse.Namespace) -> int:
-    sys.stdout.write(plan_reader.imported_toml(args.file, args.width))
+    imported = plan_reader.imported_site(args.file, args.width)
+    if args.png:
+        try:
+            from deconflict.settings.importers import plan_picture  # noqa: PLC0415 - only the picture needs matplotlib
+        except ModuleNotFoundError as error:
+            raise PlanError("--png: needs matplotlib; run pip install 'amr-deconflict[plot]'") from error
+        plan_picture.save_picture(imported.plan, imported.site, args.png)
+    sys.stdout.write(imported.text)
+    sys.stderr.write("".join(f"{visible(line)}\n" for line in summary_lines(imported.plan, imported.site)))
     return 0
 
 

@@ -8,13 +8,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import dist
 from uuid import UUID, uuid5
 
 import shapely
 
-from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot
-from deconflict.settings.shared_places import Landing, Obstacle, Point, Polygon, Resource, Zone
+from deconflict.settings.importers.plan import ImportedPlan, Lane, Level, Lift, Node, Spot, UnusedParts
+from deconflict.settings.shared_places import Landing, Obstacle, Point, Polygon, Resource, Zone, outlines
+from deconflict_client.counted_nouns import count_of
 from ingest.frames.corners import corners_of
 from ingest.settings import Datum
 
@@ -33,7 +33,20 @@ class DrawnSite:
     datums: tuple[Datum, ...]
     resources: tuple[Resource, ...]
     zones: tuple[Zone, ...]
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[Obstacle, ...]
+    left_out: tuple[UnusedParts, ...]
+    """Parts of the plan that need no section, or can have none."""
+
+    def drawn_on(self, datum: str) -> Iterator[tuple[str, str, Polygon]]:
+        """Kind, name and outline of each place and obstacle on a floor."""
+        places: tuple[Zone | Resource, ...] = (*self.zones, *self.resources)
+        for place in places:
+            for floor, outline in outlines(place):
+                if floor == datum:
+                    yield place.kind, place.name, tuple(outline)
+        for obstacle in self.obstacles:
+            if obstacle.floor == datum:
+                yield obstacle.kind, obstacle.name, obstacle.outline_m
 
 
 @dataclass(slots=True)
@@ -51,7 +64,7 @@ class Names:
 def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
     """The sections of a plan. `width_m` is the side of a resource's square and the width of a lane, metres."""
     names = Names()
-    ids = {level.name: str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}
+    ids = {level.name: level.datum or str(uuid5(IMPORTED, f"{plan.name} {level.name}")) for level in plan.levels}
     datums = tuple(Datum(id=ids[level.name], name=level.name, level=row) for row, level in enumerate(plan.levels))
     resources = [resource for level in plan.levels for resource in _resources(level, ids[level.name], width_m, names)]
     resources += [_lift(lift, plan.levels, ids, names) for lift in plan.lifts]
@@ -62,7 +75,29 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
         for ends in level.walls
         if ends[0] != ends[1]
     ]
-    return DrawnSite(plan.name, datums, tuple(resources), tuple(zones), tuple(walls))
+    left_out = plan.left_out + tuple(_undrawn_lanes(plan, width_m))
+    return DrawnSite(plan.name, datums, tuple(resources), tuple(zones), tuple(walls), left_out)
+
+
+def _undrawn_lanes(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
+    lanes = [(_way(lane, _spots(level)), lane.two_way) for level in plan.levels for lane in level.lanes]
+    if one_way := sum(not two_way for _, two_way in lanes):
+        yield UnusedParts(count_of(one_way, "one-way lane"), "robots do not meet head-on there")
+    if short := sum(two_way and _is_short(way, width_m) for way, two_way in lanes):
+        yield UnusedParts(count_of(short, "two-way lane"), f"shorter than {2 * width_m:g} m: no room for two robots")
+
+
+def _spots(level: Level) -> dict[str, Spot]:
+    return {node.id: node.at for node in level.nodes}
+
+
+def _way(lane: Lane, spots: dict[str, Spot]) -> tuple[Spot, ...]:
+    return (spots[lane.start], *lane.bends, spots[lane.end])
+
+
+def _is_short(way: tuple[Spot, ...], width_m: float) -> bool:
+    """A lane in which two robots have no room one behind the other needs no section."""
+    return shapely.LineString(way).length <= 2 * width_m
 
 
 def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Resource]:
@@ -102,7 +137,7 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
     for door in level.doors:
         outline = _along(door.ends, DOOR_DEPTH_M)
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
-    at = {node.id: node.at for node in level.nodes}
+    at = _spots(level)
     for block in level.blocks:
         corners = shapely.MultiPoint([at[end] for lane in block.lanes for end in lane if end in at])
         if corners.is_empty:
@@ -110,15 +145,15 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         outline = _corners(corners.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre"))
         yield Zone(kind="crossing", id=names.new(level.name, block.name), name=block.name, datum=datum, polygon=outline)
     for lane in level.lanes:
-        ends = (at[lane.start], at[lane.end])
-        if not lane.two_way or dist(*ends) <= 2 * width_m:
-            continue  # the lane is too short for two robots
+        way = _way(lane, at)
+        if not lane.two_way or _is_short(way, width_m):
+            continue
         yield Zone(
             kind="aisle",
             id=names.new(level.name, "lane", lane.start, lane.end),
             datum=datum,
-            polygon=_along(ends, width_m),
-            axis=(_rounded(ends[0]), _rounded(ends[1])),
+            polygon=_along(way, width_m),
+            axis=(_rounded(way[0]), _rounded(way[-1])),
         )
 
 
@@ -132,9 +167,9 @@ def _turned(at: Spot, yaw_rad: float, size_m: tuple[float, float]) -> Polygon:
     return right_back, right_front, left_front, left_back
 
 
-def _along(ends: tuple[Spot, Spot], width_m: float) -> Polygon:
+def _along(way: tuple[Spot, ...], width_m: float) -> Polygon:
     """The band along a line, with flat ends."""
-    return _corners(shapely.LineString(ends).buffer(width_m / 2, cap_style="flat"))
+    return _corners(shapely.LineString(way).buffer(width_m / 2, cap_style="flat"))
 
 
 def _corners(shape: shapely.Polygon) -> Polygon:

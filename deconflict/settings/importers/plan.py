@@ -27,11 +27,13 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A straight lane between two nodes, given by their ids."""
+    """A lane between two nodes, given by their ids."""
 
     start: str
     end: str
     two_way: bool
+    bends: tuple[Spot, ...] = ()
+    """Points between the nodes that a lane passes which is not straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,17 @@ class Level:
     blocks: tuple[Block, ...] = ()
     walls: tuple[tuple[Spot, Spot], ...] = ()
     """From end to end."""
+    datum: str = ""
+    """The id of the floor in messages of robots; empty if the plan does not have it."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnusedParts:
+    """Parts of a plan that the site file does not get."""
+
+    parts: str
+    """How many of what, as "3 locked paths"."""
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +97,9 @@ class ImportedPlan:
 
     name: str
     """Name of the site for people."""
+    format: str
+    """What the file is, as "an Open-RMF building"."""
     levels: tuple[Level, ...]
     """Ordered from the lowest."""
     lifts: tuple[Lift, ...] = ()
+    left_out: tuple[UnusedParts, ...] = ()

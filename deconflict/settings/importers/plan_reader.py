@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 from deconflict.settings.importers.drawing import DrawnSite, drawn_site
-from deconflict.settings.importers.metres import read_layout
-from deconflict.settings.importers.openrmf import read_building
-from deconflict.settings.importers.opentcs import read_plant
+from deconflict.settings.importers.formats.metres import read_layout
+from deconflict.settings.importers.formats.openrmf import read_building
+from deconflict.settings.importers.formats.opentcs import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
 from ingest.plain_files import MOST_GIVEN_BYTES, read_file
@@ -27,15 +28,26 @@ HEAD = """\
 """
 
 
-def imported_toml(path: Path, width_m: float) -> str:
-    """The plan in `path` as TOML. Raises `PlanError`."""
+@dataclass(frozen=True, slots=True)
+class ImportedSite:
+    """A plan and the sections that it gives."""
+
+    plan: ImportedPlan
+    site: DrawnSite
+    text: str
+    """The sections as TOML."""
+
+
+def imported_site(path: Path, width_m: float) -> ImportedSite:
+    """The plan in `path`. `width_m` is the width of lanes and places, metres. Raises `PlanError`."""
     try:
         plan = read_plan(path)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         if isinstance(error, PlanError):
             raise
         raise PlanError(f"{path}: does not have the structure of its format: {type(error).__name__} {error}") from error
-    return toml(drawn_site(plan, width_m), HEAD.format(file=path.name, width=width_m))
+    site = drawn_site(plan, width_m)
+    return ImportedSite(plan, site, toml(site, HEAD.format(file=path.name, width=width_m)))
 
 
 def read_plan(path: Path) -> ImportedPlan:

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from deconflict.settings.importers.plan import PlanError
-from deconflict.settings.importers.plan_reader import imported_toml
+from deconflict.settings.importers.plan_reader import imported_site
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import fit_problems, load
 from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
@@ -22,7 +22,7 @@ RECORDINGS = os.environ.get("DECONFLICT_RECORDINGS")
 def site_of(path: Path, width_m: float = 1.2) -> Site:
     """The imported site, loaded as any other."""
     made = path.with_suffix(".toml")
-    made.write_text(imported_toml(path, width_m), encoding="utf-8")
+    made.write_text(imported_site(path, width_m).text, encoding="utf-8")
     site = load(made)
     assert fit_problems(site) == []
     return site
@@ -80,7 +80,7 @@ def test_a_plant_model_of_either_form_becomes_a_site_in_metres(x: str, y: str, t
 
 def test_the_same_file_gives_the_same_text_and_ids(tmp_path: Path) -> None:
     path = written(tmp_path, "works.building.yaml", BUILDING)
-    assert imported_toml(path, 1.2) == imported_toml(path, 1.2)
+    assert imported_site(path, 1.2).text == imported_site(path, 1.2).text
 
 
 def test_equal_names_get_different_ids(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_equal_names_get_different_ids(tmp_path: Path) -> None:
 )
 def test_a_file_that_is_not_a_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(PlanError, match=message):
-        imported_toml(written(tmp_path, name, text), 1.2)
+        imported_site(written(tmp_path, name, text), 1.2)
 
 
 def test_the_command_prints_a_site_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

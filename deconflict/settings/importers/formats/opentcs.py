@@ -6,7 +6,7 @@ Follows the plant model's schema of releases 4 to 6: positions are `positionX` o
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
 
-from deconflict.settings.importers.location_uses import use_of
+from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import Block, ImportedPlan, Lane, Level, Node, PlanError, Use
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
@@ -31,7 +31,7 @@ def read_plant(model: Element) -> ImportedPlan:
         if block.get("type", SINGLE) == SINGLE
     )
     level = Level("0", nodes, _lanes(model), blocks=tuple(block for block in blocks if block.lanes))
-    return ImportedPlan(model.get("name", "site"), (level,))
+    return ImportedPlan(model.get("name", "site"), "an openTCS plant model", (level,))
 
 
 def _lanes(model: Element) -> tuple[Lane, ...]:

@@ -24,6 +24,7 @@ def read_building(document: Mapping[str, Any]) -> ImportedPlan:
     lifts = document.get("lifts") or {}
     return ImportedPlan(
         str(document.get("name", "site")),
+        "an Open-RMF building",
         tuple(_level(name, levels[name], scale_of[name]) for name in ordered),
         tuple(
             _lift(name, lift, scale_of) for name, lift in lifts.items() if lift.get("reference_floor_name") in scale_of

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from deconflict.settings.importers.location_uses import use_of
+from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import Block, Door, ImportedPlan, Lane, Level, Lift, Node, Use
 
 SEPARATOR = " --- "
@@ -18,6 +18,7 @@ def read_layout(document: Mapping[str, Any]) -> ImportedPlan:
     )
     return ImportedPlan(
         str(document["name"]),
+        "a layout in metres",
         tuple(_level(level, stations, blocks) for level in document["levels"]),
         tuple(map(_lift, document.get("lifts", ()))),
     )
