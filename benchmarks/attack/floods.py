@@ -1,18 +1,17 @@
 """Attackers that send what no robot sends, each in a process of its own, with plain sockets for speed."""
 
 import json
-import multiprocessing
-import os
 import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from multiprocessing.synchronize import Event
 
 from websockets.frames import Frame, Opcode
 
 from benchmarks.attack.courses import CROWD_VENDOR
+from benchmarks.attack.own_process import in_own_process
 from tests.helpers.saying import status
 
 MOST_CONNECTIONS = 850
@@ -131,24 +130,9 @@ FLOODS: dict[str, Callable[[Target, Event], None]] = {
 }
 
 
-@contextmanager
-def flooding(target: Target, attack: str, core: int | None = None) -> Iterator[None]:
+def flooding(target: Target, attack: str, core: int | None = None) -> AbstractContextManager[None]:
     """Run an attack until the block ends."""
-    spawn = multiprocessing.get_context("spawn")
-    stop = spawn.Event()
-    process = spawn.Process(target=_run, args=(target, attack, core, stop))
-    process.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        process.join()
-
-
-def _run(target: Target, attack: str, core: int | None, stop: Event) -> None:
-    if core is not None:
-        os.sched_setaffinity(0, {core})
-    FLOODS[attack](target, stop)
+    return in_own_process(FLOODS[attack], target, core=core)
 
 
 def _flood(opened: Callable[[], socket.socket], frame: Frame, stop: Event) -> None:

@@ -1,11 +1,9 @@
 """Robots that report over real sockets, in a process of their own."""
 
 import asyncio
-import multiprocessing
-import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from multiprocessing.synchronize import Event
 
 import numpy as np
@@ -13,29 +11,19 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 from benchmarks.attack.courses import Robot, at_origin, crowd, honest
+from benchmarks.attack.own_process import in_own_process
 from tests.helpers.saying import identity
 
 RETRY_S = 0.5
 KINDS = {"honest": lambda robots: honest(robots // 2), "crowd": crowd, "origin": at_origin}
 
 
-@contextmanager
-def sending(url: str, kind: str, robots: int, start_s: float, core: int | None = None) -> Iterator[None]:
+def sending(url: str, kind: str, robots: int, start_s: float, core: int | None = None) -> AbstractContextManager[None]:
     """Robots of a kind report once a second until the block ends."""
-    spawn = multiprocessing.get_context("spawn")
-    stop = spawn.Event()
-    process = spawn.Process(target=_run, args=(url, kind, robots, start_s, core, stop))
-    process.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        process.join()
+    return in_own_process(_run, url, kind, robots, start_s, core=core)
 
 
-def _run(url: str, kind: str, robots: int, start_s: float, core: int | None, stop: Event) -> None:
-    if core is not None:
-        os.sched_setaffinity(0, {core})
+def _run(url: str, kind: str, robots: int, start_s: float, stop: Event) -> None:
     asyncio.run(_send_all(url, KINDS[kind](robots), start_s, stop))
 
 

@@ -1,17 +1,17 @@
 """All robots of the pairs report over real sockets, in a process of their own."""
 
 import asyncio
-import multiprocessing
 import ssl
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from multiprocessing.synchronize import Event
 
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
+from benchmarks.attack.own_process import in_own_process
 from benchmarks.cluster_drill.crossing_pairs import MASS, PATH_S, REPORTS_A_SECOND, CrossingPair
 from benchmarks.cluster_drill.robots_at_broker import report_at_broker
 from tests.helpers.saying import identity, points, status
@@ -34,18 +34,9 @@ class Entrance:
     start_s: float
 
 
-@contextmanager
-def reporting(pairs: Sequence[CrossingPair], entrance: Entrance) -> Iterator[None]:
+def reporting(pairs: Sequence[CrossingPair], entrance: Entrance) -> AbstractContextManager[None]:
     """All robots report until the block ends."""
-    spawn = multiprocessing.get_context("spawn")
-    stop = spawn.Event()
-    process = spawn.Process(target=_run, args=(pairs, entrance, stop))
-    process.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        process.join()
+    return in_own_process(_run, pairs, entrance)
 
 
 def _run(pairs: Sequence[CrossingPair], entrance: Entrance, stop: Event) -> None:

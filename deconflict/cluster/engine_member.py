@@ -138,8 +138,7 @@ class EngineMember:
         return Shard(engine, Grid(self._settings.tile_m), reach_m(self._settings.fastest_mps, engine.site.conflict))
 
     def _new_sorter(self) -> ChannelSorter:
-        grid, conflict = Grid(self._settings.tile_m), self._site.conflict
-        return ChannelSorter(grid, conflict, reach_m(self._settings.fastest_mps, conflict))
+        return ChannelSorter.of(self._settings, self._site.conflict)
 
     def _last_advised_wait_s(self, uuid: str) -> float:
         return self._shard.engine.foresight.last_advised_wait_s(uuid)

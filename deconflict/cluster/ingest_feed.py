@@ -15,7 +15,6 @@ from deconflict.cluster.nats.nats_tasks import BEAT_EVERY_S, beat_repeatedly, ca
 from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import CANARIES, ChannelSorter, parcels_of, reach_m
-from deconflict.cluster.tiles.tiles import Grid
 from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed, unpacked
 from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
@@ -45,16 +44,13 @@ class IngestFeed:
     def __init__(self, site: Site, settings: Cluster, runtime: Path, log_folder: Path) -> None:
         self._history = History(site, log_folder)
         self._bus, self._receiver = Bus(settings, site.store.keep_days), AsyncCaller(runtime, "receiver")
-        self._settings, self._grid, self._conflict = settings, Grid(settings.tile_m), site.conflict
+        self._settings, self._conflict = settings, site.conflict
         self._current_site = CurrentSite(runtime, site)
-        self._sorter = self._new_sorter()
+        self._sorter = ChannelSorter.of(settings, site.conflict)
         self._name = f"{FEED}{uuid4().hex[:12]}"
         self._receives = False
         """Whether the receiver has answered the last call."""
         self._brokers = BrokerShare(self._name, self._bus.state, self._receiver, site)
-
-    def _new_sorter(self) -> ChannelSorter:
-        return ChannelSorter(self._grid, self._conflict, reach_m(self._settings.fastest_mps, self._conflict))
 
     async def run(self, stop: asyncio.Event) -> None:
         """Feed until `stop` is set."""
@@ -110,7 +106,7 @@ class IngestFeed:
             _, _, batch = unpacked_batch(await self._receiver.call("follow", WHOLE))
         except LinkDownError:
             return []
-        parts = self._new_sorter().sort(batch) if batch else {}
+        parts = ChannelSorter.of(self._settings, self._conflict).sort(batch) if batch else {}
         return [parcel for channel, part in parts.items() if channel in channels for parcel in parcels_of(part)]
 
     async def _answer(self, question: str) -> bytes:

@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from math import ceil
-from typing import NamedTuple
+from typing import NamedTuple, Self
 from urllib.parse import quote
 
 import numpy as np
 
 from deconflict.cluster.tiles.tiles import Grid, Tile
+from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Conflict
 from ingest.batch import Batch, Bools, Floats, FloorPoint, Forecasts, Ints
 
@@ -128,6 +129,11 @@ class ChannelSorter:
     """The last tile of each robot."""
     _spans: dict[str, "TileSpan"] = field(default_factory=dict)
     """The tiles in which each robot may be in conflict."""
+
+    @classmethod
+    def of(cls, settings: Cluster, conflict: Conflict) -> Self:
+        """A sorter that has seen no robot yet."""
+        return cls(Grid(settings.tile_m), conflict, reach_m(settings.fastest_mps, conflict))
 
     def renew(self, conflict: Conflict, reach_m: float) -> None:
         """Sort by other settings from now on."""
