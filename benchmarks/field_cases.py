@@ -3,8 +3,8 @@
 FOLDER is `field-cases` in the folder that DECONFLICT_RECORDINGS names, if it is not given. Each `NAME.jsonl.gz` is
 replayed, with the site `NAME.site.toml` if there is one. A case has a time to the conflict that is to be stated when
 the first warning of its pair is raised, or that there is to be no warning. In a case of a mutual wait two robots stand
-for each other before a free crossing: people are to be told soon, and the time is to be booked. Exit code 1 if a case
-is not right.
+for each other before a free crossing: people are to be told soon, and the time is to be booked. A plan is to be
+imported with its floors and places, or refused. Exit code 1 if a case is not right.
 """
 
 import argparse
@@ -15,8 +15,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+import shapely
+
 from benchmarks.planned_floors.comparison.service_parts import unchanged
 from benchmarks.planned_floors.comparison.service_replay import Published, replayed
+from deconflict.settings.importers.plan import PlanError
+from deconflict.settings.importers.plan_reader import WIDTH_M, imported_site
+from deconflict.settings.shared_places import Polygon
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import site_from_toml
 
@@ -58,6 +63,15 @@ BOTH_STAND = {
 """By case of a mutual wait, from when both stand."""
 FOUND_WITHIN_S, BOOKED_S = 15.0, 200.0
 """A mutual wait is to be found so soon, and so much is to be booked: twice the two minutes, but for the last part."""
+
+REFUSED = "refused"
+FOUND_IN_PLANS = {
+    "fiducials.building.yaml": "L1: aisle 12.5 -10.0, charger 15.0 -10.0, lift 10.0 -10.0; "
+    "L2: aisle 12.5 -10.0, charger 15.0 -10.0, lift 10.0 -10.0",
+    "opentcs-two-floors.xml": "ground: aisle 10.0 0.0; upper: parking 0.0 0.0",
+    "opentcs-layout-only.xml": REFUSED,
+}
+"""By plan, its floors with the kind and centre of each place, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +120,20 @@ def mutual_wait_result(folder: Path, name: str) -> MutualWaitResult:
     return MutualWaitResult(name, found_s, published.lost_s, crowded)
 
 
+def found_in_plan(path: Path) -> str:
+    """The floors that an import of the plan gives, by name, with the kind and centre of each place."""
+    try:
+        site = imported_site(path, WIDTH_M).site
+    except PlanError:
+        return REFUSED
+    return "; ".join(f"{datum.name}: {', '.join(map(_centred, site.drawn_on(datum.id)))}" for datum in site.datums)
+
+
+def _centred(place: tuple[str, str, Polygon]) -> str:
+    x_m, y_m = shapely.Polygon(place[2]).centroid.coords[0]
+    return f"{place[0]} {x_m + 0.0:.1f} {y_m + 0.0:.1f}"
+
+
 def moment_s(text: str) -> float:
     return datetime.fromisoformat(text).timestamp()
 
@@ -135,7 +163,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for wait in waits:
         verdict = "right" if wait.is_right else "WRONG"
         print(f"| {wait.name} | {_shown(wait.found_s)} | {wait.lost_s:.1f} | {wait.crowded} | {verdict} |")
+    plans = {name: found_in_plan(folder / name) for name in FOUND_IN_PLANS if (folder / name).is_file()}
+    print("\n| plan | found | |\n| --- | --- | --- |")
+    for name, found in plans.items():
+        print(f"| {name} | {found} | {'right' if found == FOUND_IN_PLANS[name] else 'WRONG'} |")
     cases = [*(case.is_right for case in results), *(wait.is_right for wait in waits)]
+    cases += [found == FOUND_IN_PLANS[name] for name, found in plans.items()]
     wrong = cases.count(False)
     print(f"\n{len(cases) - wrong} of {len(cases)} cases are right")
     return int(wrong > 0)
