@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from shapely.plotting import plot_polygon
 
 from deconflict.settings.importers.drawing import DrawnSite
-from deconflict.settings.importers.plan import ImportedPlan, Level, Spot
+from deconflict.settings.importers.plan import ImportedPlan, Level, PlanError, Spot
 from deconflict.settings.shared_places import Polygon
 from ingest.settings import Datum
 
@@ -27,12 +27,15 @@ LONG_SIDE_IN = 9.0
 
 
 def save_picture(plan: ImportedPlan, site: DrawnSite, path: Path) -> None:
-    """Save one picture of each floor beside the others: places by kind with names, lanes and walls."""
+    """Save a picture of the floors side by side: places by kind with names, lanes and walls. Raises `PlanError`."""
     figure = Figure(figsize=(LONG_SIDE_IN * len(plan.levels), LONG_SIDE_IN), layout="constrained")
     pictures = figure.subplots(1, len(plan.levels), squeeze=False)[0]
     for axes, level, datum in zip(pictures, plan.levels, site.datums, strict=True):
         _draw_floor(axes, level, datum, site)
-    figure.savefig(path, format="png", dpi=100)
+    try:
+        figure.savefig(path, format="png", dpi=100)
+    except OSError as error:
+        raise PlanError(f"{path} can't be written: {error.strerror}") from error
 
 
 def _draw_floor(axes: Axes, level: Level, datum: Datum, site: DrawnSite) -> None:

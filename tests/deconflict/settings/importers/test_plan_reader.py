@@ -1,6 +1,7 @@
 """From a file to a site file that is accepted."""
 
 import os
+import struct
 import subprocess
 import sys
 from collections import Counter
@@ -11,6 +12,7 @@ import shapely
 
 from deconflict.settings.importers.plan import PlanError
 from deconflict.settings.importers.plan_reader import imported_site
+from deconflict.settings.importers.plan_summary import summary_lines
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import fit_problems, load
 from tests.deconflict.settings.importers.made_plans import BUILDING, PLANT
@@ -131,3 +133,25 @@ def test_real_sites_are_imported_unchanged(name: str, floors: int, wanted: dict[
     assert len(site.datums) == floors
     found = kinds(site)
     assert {kind: found.get(kind, 0) for kind in wanted} == wanted
+
+
+def test_the_picture_has_each_floor_and_names_a_path_that_cannot_be_written(tmp_path: Path) -> None:
+    imported = imported_site(written(tmp_path, "works.building.yaml", BUILDING), 1.2)
+    plan_picture = pytest.importorskip("deconflict.settings.importers.plan_picture")
+    plan_picture.save_picture(imported.plan, imported.site, tmp_path / "works.png")
+    width_px, height_px = struct.unpack(">II", (tmp_path / "works.png").read_bytes()[16:24])
+    assert width_px == len(imported.plan.levels) * height_px
+    with pytest.raises(PlanError, match=r"no/works\.png can't be written: No such file or directory"):
+        plan_picture.save_picture(imported.plan, imported.site, tmp_path / "no" / "works.png")
+
+
+def test_the_summary_says_what_was_drawn_and_what_was_not(tmp_path: Path) -> None:
+    imported = imported_site(written(tmp_path, "works.building.yaml", BUILDING), 1.2)
+    head, ground, upper, *left_out = summary_lines(imported.plan, imported.site)
+    assert head == "works: an Open-RMF building with 2 floors"
+    assert ground.startswith("  Ground: 1 door, 1 aisle, 1 charger, 1 dock, 1 parking place, 1 lift, 1 wall; x 4.4 to")
+    assert upper == "  Upper: 1 lift; x -1.0 to 1.0 m, y -1.5 to 1.5 m"
+    assert left_out == [
+        "  left out: 1 one-way lane: robots do not meet head-on there",
+        "  left out: 1 two-way lane: shorter than 2.4 m: no room for two robots",
+    ]
