@@ -93,7 +93,8 @@ class RepeatReader:
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
         robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
-        seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, event_s - stamp_s)
+        offset_s, state = event_s - stamp_s, self.texts.state
+        seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, offset_s, state=state)
         robot.before, robot.seen = before, plausibility.in_motion(before, seen)
         robot.pace.observe(robot.seen)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))

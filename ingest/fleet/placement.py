@@ -101,7 +101,8 @@ class Placement:
         if turn_radps and frame.mirrored:
             turn_radps = -turn_radps
         offset_s = event_s - status.stamp_s
-        return frame, Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s)
+        now = Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s, state=status.state)
+        return frame, now
 
     def forecast(
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None

@@ -113,9 +113,10 @@ class _Route(NamedTuple):
     def _is_overruled(self) -> bool:
         """Whether a state in which robots stand counts for less than the motion.
 
-        The speed must be stated: a robot that has just arrived was displaced, too.
+        Without a stated speed it must have had this state before it moved: a robot that has just arrived moved, too.
         """
-        return not self.status.known_state or self.status.linear_mps is not None
+        states_speed = self.status.linear_mps is not None
+        return states_speed or not self.status.known_state or self.here.moves_anyway
 
     def _navigating(self) -> tuple[Basis, Route]:
         status, here = self.status, self.here

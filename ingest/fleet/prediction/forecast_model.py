@@ -80,6 +80,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Whether it drives by this and the sighting before."""
     is_overruled: bool = False
     """Whether its speed was observed, since it was stated to stand and moved."""
+    state: str = ""
+    """The operational state that it stated."""
+    moves_anyway: bool = False
+    """Whether it drives and has moved since the sighting before, which has the same state."""
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):

@@ -354,6 +354,21 @@ def test_a_robot_that_says_nothing_but_its_place_is_foreseen_by_its_displacement
     assert at(robot.forecast, NOW_S + 2 * every_s + 9)[0] == pytest.approx(1.2 * (2 * every_s + 9))
 
 
+@pytest.mark.parametrize("state", ["idle", "charging", "disabled", "waitingHumanEvent", "waitingInternalEvent"])
+@pytest.mark.parametrize("every_s", [1.0, 10.0])
+def test_a_robot_that_never_says_that_it_drives_is_foreseen_by_its_displacement(state: str, every_s: float) -> None:
+    of = hall()
+    bases = []
+    for count in range(5):
+        x_m = 0.5 * every_s * min(count, 3)
+        raw = status("1", NOW_S + every_s * count, x_m, 0.0, operationalState=state, velocity=None)
+        of.receive(raw, NOW_S + every_s * count, LINE)
+        (robot,) = of.robots.values()
+        assert robot.forecast is not None
+        bases.append(robot.forecast.basis)
+    assert bases == [Basis.STATIONARY, Basis.VELOCITY, Basis.VELOCITY, Basis.VELOCITY, Basis.STATIONARY]
+
+
 def test_bytes_that_are_no_letters_cost_no_place_and_no_document() -> None:
     of = hall()
     for s in range(2):

@@ -11,7 +11,7 @@ AFTER = Sighting(101.0, 0, 1.0, 0.0, 0.0, 1.0, is_driving=True)
 
 
 def test_motion_that_agrees_is_left_alone() -> None:
-    assert reconcile(BEFORE, AFTER) == (replace(AFTER, interval_s=1.0), ())
+    assert reconcile(BEFORE, AFTER) == (replace(AFTER, interval_s=1.0, moves_anyway=True), ())
 
 
 def test_the_first_sighting_has_nothing_to_contradict() -> None:
