@@ -113,8 +113,11 @@ def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterat
 
 
 def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Names) -> Resource:
-    """A lift: its cabin on its own floor, and on each other floor a cabin around the node that lies in it."""
-    centres = {level.name: _cabin(level.nodes, lift.name) for level in levels} | {lift.level: lift.at}
+    """A lift: its cabin on its own floor, and on each other floor that it opens on."""
+    landings = lift.landings
+    if landings is None:
+        cabins = ((level.name, _cabin(level.nodes, lift.name)) for level in levels if level.name != lift.level)
+        landings = tuple((level, at) for level, at in cabins if at is not None)
     return Resource(
         kind="lift",
         id=names.new(lift.name),
@@ -122,9 +125,7 @@ def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Nam
         datum=ids[lift.level],
         polygon=_turned(lift.at, lift.yaw_rad, lift.size_m),
         floors=tuple(
-            Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m))
-            for level, at in centres.items()
-            if at is not None and level != lift.level
+            Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m)) for level, at in landings
         ),
     )
 

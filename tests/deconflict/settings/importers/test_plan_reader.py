@@ -108,8 +108,7 @@ def test_equal_names_get_different_ids(tmp_path: Path) -> None:
         ("a.yaml", "levels: [", "can't be read"),
         ("a.xml", "<model>", "can't be read"),
         ("a.xml", '<model><point name="P1"/></model>', "point 'P1' has no positionX"),
-        ("a.yaml", BUILDING.replace("measurements", "remarks"), "levels.Upper.measurements: is missing"),
-        ("a.yaml", "levels: {L1: {}}", "does not have the structure of its format: KeyError"),
+        ("a.json", '{"levels": [{"name": "L1"}], "name": "a"}', "does not have the structure of its format: KeyError"),
     ],
 )
 def test_a_file_that_is_not_a_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
