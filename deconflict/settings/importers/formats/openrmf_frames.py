@@ -108,11 +108,11 @@ def _aligned(reference: PlanLevel, level: PlanLevel, common: Sequence[str], scal
     wanted = [complex(*reference.fiducials[name]) for name in common]
     found = [complex(*level.fiducials[name]) for name in common]
     turns, ratios = [], []
-    for one, two in combinations(range(len(common)), 2):
-        above, below = found[two] - found[one], wanted[two] - wanted[one]
+    for first, second in combinations(range(len(common)), 2):
+        above, below = found[second] - found[first], wanted[second] - wanted[first]
         if not above or not below:
             at = level.name if not above else reference.name
-            both = f"{common[one]!r} and {common[two]!r}"
+            both = f"{common[first]!r} and {common[second]!r}"
             raise PlanError(f"levels.{at}.fiducials: {both} are at the same place; move or delete one")
         turns.append(cmath.phase(below / above))
         ratios.append(abs(above) / abs(below))

@@ -40,7 +40,13 @@ def test_levels_lie_above_each_other_however_they_are_drawn(seed: int, tmp_path:
     assert drawn.plan.doubts == ()
     found, wanted = outlines_of(drawn.site), outlines_of(plain.site)
     assert len(found) == len(wanted) == 3 * 7
-    assert max(one.hausdorff_distance(other) for one, other in zip(found, wanted, strict=True)) < 0.002
+    assert (
+        max(
+            drawn_outline.hausdorff_distance(plain_outline)
+            for drawn_outline, plain_outline in zip(found, wanted, strict=True)
+        )
+        < 0.002
+    )
 
 
 def test_levels_without_common_fiducials_keep_their_own_frames_and_say_so(tmp_path: Path) -> None:
@@ -75,9 +81,9 @@ def test_lifts_that_can_not_be_drawn_are_named(tmp_path: Path) -> None:
     unknown: Change = lambda building: level(building)["vertices"][3].append({"lift_cabin": [1, "Hoist"]})  # noqa: E731
     plan = imported(in_metres(), tmp_path, lost, unknown).plan
     assert plan.lifts == ()
-    said = left_out(plan)
-    assert said["1 lift"] == "their reference floor is no level of the file: Lift on Cellar"
-    assert said["1 vertex in a lift"] == "the file has no lift of that name: Hoist"
+    reasons = left_out(plan)
+    assert reasons["1 lift"] == "their reference floor is no level of the file: Lift on Cellar"
+    assert reasons["1 vertex in a lift"] == "the file has no lift of that name: Hoist"
 
 
 def test_a_lift_without_a_floor_is_on_the_reference_level(tmp_path: Path) -> None:
@@ -112,8 +118,15 @@ def test_a_mutex_group_of_lanes_in_a_row_is_no_wider_than_they_are(tmp_path: Pat
 
 def test_lanes_of_several_fleets_are_one(tmp_path: Path) -> None:
     def fleets(building: Building) -> None:
-        both, one = {"bidirectional": [4, True]}, {"bidirectional": [4, False]}
-        level(building)["lanes"] = [[0, 1, both], [1, 0, one], [1, 2, one], [2, 1, one], [2, 3, one], [3, 3, one]]
+        two_way, one_way = {"bidirectional": [4, True]}, {"bidirectional": [4, False]}
+        level(building)["lanes"] = [
+            [0, 1, two_way],
+            [1, 0, one_way],
+            [1, 2, one_way],
+            [2, 1, one_way],
+            [2, 3, one_way],
+            [3, 3, one_way],
+        ]
 
     plan = imported(in_metres(), tmp_path, fleets).plan
     assert [(lane.start, lane.end, lane.two_way) for lane in plan.levels[0].lanes] == [
@@ -134,8 +147,8 @@ def test_what_is_left_out_is_counted_by_kind(tmp_path: Path) -> None:
         level(building)["doors"] = [[3, 4, {"type": [1, "double_hinged"]}], [3, 3, {}]]
         building["zones"] = {"wait": {}}
 
-    said = left_out(imported(in_metres(), tmp_path, furnished).plan)
-    assert list(said) == [
+    reasons = left_out(imported(in_metres(), tmp_path, furnished).plan)
+    assert list(reasons) == [
         "3 floor polygons",
         "3 x gardens",
         "3 image layers",
