@@ -113,8 +113,11 @@ def _resources(level: Level, datum: str, width_m: float, names: Names) -> Iterat
 
 
 def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Names) -> Resource:
-    """A lift: its cabin on its own floor, and on each other floor a cabin around the node that lies in it."""
-    centres = {level.name: _cabin(level.nodes, lift.name) for level in levels} | {lift.level: lift.at}
+    """A lift: its cabin on its own floor, and on each other floor that it opens on."""
+    landings = lift.landings
+    if landings is None:
+        cabins = ((level.name, _cabin(level.nodes, lift.name)) for level in levels if level.name != lift.level)
+        landings = tuple((level, at) for level, at in cabins if at is not None)
     return Resource(
         kind="lift",
         id=names.new(lift.name),
@@ -122,9 +125,7 @@ def _lift(lift: Lift, levels: tuple[Level, ...], ids: dict[str, str], names: Nam
         datum=ids[lift.level],
         polygon=_turned(lift.at, lift.yaw_rad, lift.size_m),
         floors=tuple(
-            Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m))
-            for level, at in centres.items()
-            if at is not None and level != lift.level
+            Landing(datum=ids[level], polygon=_turned(at, lift.yaw_rad, lift.size_m)) for level, at in landings
         ),
     )
 
@@ -139,10 +140,10 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
     at = _spots(level)
     for block in level.blocks:
-        corners = shapely.MultiPoint([at[end] for lane in block.lanes for end in lane if end in at])
-        if corners.is_empty:
+        ways = [[at[end] for end in lane] for lane in block.lanes if set(lane) <= at.keys()]
+        if not ways:
             continue  # the block is on another floor
-        outline = _corners(corners.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre"))
+        outline = _around(ways, width_m)
         yield Zone(kind="crossing", id=names.new(level.name, block.name), name=block.name, datum=datum, polygon=outline)
     for lane in level.lanes:
         way = _way(lane, at)
@@ -165,6 +166,15 @@ def _turned(at: Spot, yaw_rad: float, size_m: tuple[float, float]) -> Polygon:
     """A rectangle around a point, with its first side along the yaw."""
     left_front, left_back, right_back, right_front = map(_rounded, corners_of(*at, yaw_rad, *size_m))
     return right_back, right_front, left_front, left_back
+
+
+def _around(ways: list[list[Spot]], width_m: float) -> Polygon:
+    """The bands along lines if they are one piece without a hole, or else all that lies between them."""
+    lines = shapely.MultiLineString(ways)
+    bands = lines.buffer(width_m / 2, cap_style="square", join_style="mitre")
+    if bands.geom_type != "Polygon" or bands.interiors:
+        bands = lines.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre")
+    return _corners(bands)
 
 
 def _along(way: tuple[Spot, ...], width_m: float) -> Polygon:

@@ -54,7 +54,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """A cabin. It opens on each other floor that has a node in it."""
+    """A cabin, and the floors on which it opens."""
 
     name: str
     level: str
@@ -65,6 +65,8 @@ class Lift:
     """Direction of its first side, anticlockwise from x."""
     size_m: tuple[float, float]
     """Length along that direction, and across it."""
+    landings: tuple[tuple[str, Spot], ...] | None = None
+    """The other floors on which it opens, and its centre there; None for each that has a node in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +105,5 @@ class ImportedPlan:
     """Ordered from the lowest."""
     lifts: tuple[Lift, ...] = ()
     left_out: tuple[UnusedParts, ...] = ()
+    doubts: tuple[str, ...] = ()
+    """What a person should look at, in sentences without their full stop."""

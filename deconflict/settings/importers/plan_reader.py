@@ -1,6 +1,5 @@
 """Reads a plan of any supported format, and writes it as sections of a site file."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ from deconflict.settings.importers.formats.openrmf import read_building
 from deconflict.settings.importers.formats.opentcs import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
-from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 from ingest.settings import Section
 
 WIDTH_M = 1.2
@@ -52,19 +50,12 @@ def imported_site(path: Path, width_m: float) -> ImportedSite:
 
 def read_plan(path: Path) -> ImportedPlan:
     """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
-    import yaml  # noqa: PLC0415 - the command line starts without it
+    from deconflict.settings.importers.plan_document import read_document  # noqa: PLC0415 - the command line starts without YAML
 
-    try:
-        text = read_file(path, MOST_GIVEN_BYTES).decode("utf-8-sig")
-        if text.lstrip().startswith("<"):
-            model = ElementTree.fromstring(text)  # noqa: S314 - a file of the site's own; expat bounds expansion
-            return read_plant(model)
-        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
-    except RecursionError as error:
-        raise PlanError(f"{path}: can't be read: it is nested too deeply") from error
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError, json.JSONDecodeError, yaml.YAMLError) as error:
-        raise PlanError(f"{path}: can't be read: {error}") from error
-    if not isinstance(document, dict) or "levels" not in document:
+    document = read_document(path)
+    if isinstance(document, ElementTree.Element):
+        return read_plant(document)
+    if "levels" not in document:
         raise PlanError(f"{path}: has no levels; expected an Open-RMF building file or an openTCS plant model")
     return read_building(document) if isinstance(document["levels"], dict) else read_layout(document)
 

@@ -12,12 +12,14 @@ from ingest.settings import Datum
 
 
 def summary_lines(plan: ImportedPlan, site: DrawnSite) -> Iterator[str]:
-    """The floors with their places by kind and their extent, then what was left out and why."""
+    """The floors with their places by kind and their extent, then what was left out and why, and what is doubtful."""
     yield f"{plan.name}: {plan.format} with {count_of(len(site.datums), 'floor')}"
     for datum in site.datums:
         yield f"  {datum.name}: {_places(datum, site)}"
     for left in site.left_out:
         yield f"  left out: {left.parts}: {left.reason}"
+    for doubt in plan.doubts:
+        yield f"  look at: {doubt}"
 
 
 def _places(datum: Datum, site: DrawnSite) -> str:

@@ -1,91 +1,110 @@
 """Reads Open-RMF building files, as the traffic editor writes them (`NAME.building.yaml`, or the same as JSON).
 
-Vertices are in pixels of the floor's drawing, with y downwards. The metres of a pixel are the mean over `measurements`,
-as in the traffic editor's own export. A property is `[type, value]`.
+Vertices are in pixels of the floor's drawing with y downwards, in metres, or in longitude and latitude.
 """
 
-from collections.abc import Mapping, Sequence
-from math import dist
-from statistics import fmean
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from deconflict.settings.importers.plan import Door, ImportedPlan, Lane, Level, Lift, Node, PlanError, Spot, Use
+from deconflict.settings.importers.formats.openrmf_entries import PlanLevel, Properties, mapping, plan_levels
+from deconflict.settings.importers.formats.openrmf_frames import LevelFrame, drawn_frames
+from deconflict.settings.importers.formats.openrmf_globe import grid_of
+from deconflict.settings.importers.formats.openrmf_lifts import RmfLifts
+from deconflict.settings.importers.formats.openrmf_unused import unused_parts
+from deconflict.settings.importers.plan import Block, Door, ImportedPlan, Lane, Level, Node, PlanError, Use
 
-METRES = "cartesian_meters"
+IMAGE, METRES, GLOBE = "reference_image", "cartesian_meters", "wgs84"
 
 
 def read_building(document: Mapping[str, Any]) -> ImportedPlan:
-    """Raises `PlanError`, also for a floor without measurements."""
-    metric = document.get("coordinate_system") == METRES
-    levels = document["levels"]
-    scales = {name: 1.0 if metric else _metres_per_pixel(name, level) for name, level in levels.items()}
-    scale_of = {name: (scale, scale if metric else -scale) for name, scale in scales.items()}
-    ordered = sorted(levels, key=lambda name: float(levels[name].get("elevation", 0)))
-    lifts = document.get("lifts") or {}
+    """Raises `PlanError` for what can't be read, and where the geometry would be wrong."""
+    system = str(document.get("coordinate_system", IMAGE))
+    if system not in {IMAGE, METRES, GLOBE}:
+        raise PlanError(
+            f"coordinate_system: must be {IMAGE}, {METRES} or {GLOBE}, not {system}; save it as one of them"
+        )
+    levels = plan_levels(document, y_sign=-1.0 if system == IMAGE else 1.0)
+    reference = str(document.get("reference_level_name") or next(iter(document["levels"])))
+    if reference not in levels:
+        raise PlanError(f"reference_level_name: must be a level of the file, not {reference}")
+    kind = "an Open-RMF building"
+    doubts: list[str] = []
+    if system == IMAGE:
+        frames, doubts = drawn_frames(levels, reference)
+    elif system == METRES:
+        frames = {name: LevelFrame(lambda at: at) for name in levels}
+    else:
+        grid, to_metres = grid_of(document, levels)
+        frames = {name: LevelFrame(to_metres) for name in levels}
+        kind += f" in metres of {grid}"
+    floors = {name: _level(level, frames[name]) for name, level in levels.items()}
+    lifts = RmfLifts(
+        mapping(document.get("lifts") or {}, "lifts"), floors, frames, reference, -1 if system == IMAGE else 1
+    )
+    found = lifts.found()
     return ImportedPlan(
-        str(document.get("name", "site")),
-        "an Open-RMF building",
-        tuple(_level(name, levels[name], scale_of[name]) for name in ordered),
-        tuple(
-            _lift(name, lift, scale_of) for name, lift in lifts.items() if lift.get("reference_floor_name") in scale_of
-        ),
+        str(document.get("building_name") or document.get("name") or "site"),
+        kind,
+        tuple(floors.values()),
+        found,
+        (*unused_parts(document, levels), *lifts.left_out()),
+        (*doubts, *lifts.doubts),
     )
 
 
-def _metres_per_pixel(name: str, level: Mapping[str, Any]) -> float:
-    vertices = level["vertices"]
-    scales = [
-        float(measurement["distance"][1]) / pixels
-        for start, end, measurement in level.get("measurements") or ()
-        if (pixels := dist(vertices[start][:2], vertices[end][:2])) > 0
-    ]
-    if not scales:
-        raise PlanError(f"levels.{name}.measurements: is missing; measure a distance in the traffic editor")
-    return fmean(scales)
-
-
-def _level(name: str, level: Mapping[str, Any], scale: Spot) -> Level:
-    nodes = tuple(_node(str(row), vertex, scale) for row, vertex in enumerate(level["vertices"]))
-    lanes = tuple(
-        Lane(str(start), str(end), bool(_property(rest, "bidirectional")))
-        for start, end, *rest in level.get("lanes") or ()
+def _level(level: PlanLevel, frame: LevelFrame) -> Level:
+    nodes = tuple(
+        Node(
+            str(row),
+            frame.to_metres(vertex.at),
+            vertex.name,
+            _use(vertex.properties),
+            str(vertex.properties.get("lift_cabin") or ""),
+        )
+        for row, vertex in enumerate(level.vertices)
     )
+    lanes = tuple(_lanes(level))
+    blocks = tuple(_blocks(level))
     doors = tuple(
-        Door(str(_property(rest, "name") or f"door {row}"), (nodes[start].at, nodes[end].at))
-        for row, (start, end, *rest) in enumerate(level.get("doors") or ())
+        Door(str(edge.properties.get("name") or f"door {row}"), (nodes[edge.start].at, nodes[edge.end].at))
+        for row, edge in enumerate(level.doors)
+        if level.vertices[edge.start].at != level.vertices[edge.end].at
     )
-    walls = tuple((nodes[start].at, nodes[end].at) for start, end, *_ in level.get("walls") or ())
+    walls = tuple((nodes[edge.start].at, nodes[edge.end].at) for edge in level.walls)
     used = {end for lane in lanes for end in (lane.start, lane.end)}
+    used |= {end for block in blocks for lane in block.lanes for end in lane}
     kept = tuple(node for node in nodes if node.id in used or node.use or node.lift)
-    return Level(name, kept, lanes, doors, walls=walls)
+    return Level(level.name, kept, lanes, doors, blocks, walls)
 
 
-def _node(number: str, vertex: Sequence[Any], scale: Spot) -> Node:
-    x, y, _, name, *rest = vertex
-    return Node(
-        number,
-        (float(x) * scale[0], float(y) * scale[1]),
-        str(name),
-        _use(rest),
-        str(_property(rest, "lift_cabin") or ""),
-    )
+def _lanes(level: PlanLevel) -> Iterator[Lane]:
+    """Each lane once, whatever fleets drive it. Lanes of one way each, against each other, are one of two ways."""
+    ways: dict[tuple[int, int], None] = {}
+    for edge in level.lanes:
+        ways[edge.start, edge.end] = None
+        if edge.properties.get("bidirectional"):
+            ways[edge.end, edge.start] = None
+    given: set[tuple[int, int]] = set()
+    for start, end in ways:
+        if start != end and (end, start) not in given:
+            given.add((start, end))
+            yield Lane(str(start), str(end), (end, start) in ways)
 
 
-def _use(rest: Sequence[Any]) -> Use | None:
-    if _property(rest, "is_charger"):
+def _blocks(level: PlanLevel) -> Iterator[Block]:
+    """The mutex groups: only one robot at a time may be on their vertices and lanes."""
+    groups: dict[str, list[tuple[str, str]]] = defaultdict(list)
+    for edge in level.lanes:
+        groups[str(edge.properties.get("mutex") or "")].append((str(edge.start), str(edge.end)))
+    for row, vertex in enumerate(level.vertices):
+        groups[str(vertex.properties.get("mutex") or "")].append((str(row), str(row)))
+    return (Block(name, tuple(lanes)) for name, lanes in groups.items() if name)
+
+
+def _use(properties: Properties) -> Use | None:
+    if properties.get("is_charger"):
         return "charger"
-    if any(_property(rest, key) for key in ("pickup_dispenser", "dropoff_ingestor", "dock_name")):
+    if any(properties.get(key) for key in ("pickup_dispenser", "dropoff_ingestor", "dock_name")):
         return "dock"
-    return "parking" if _property(rest, "is_parking_spot") else None
-
-
-def _property(rest: Sequence[Any], key: str) -> Any:
-    found = rest[0].get(key) if rest and isinstance(rest[0], Mapping) else None
-    return found[1] if found else None
-
-
-def _lift(name: str, lift: Mapping[str, Any], scale_of: Mapping[str, Spot]) -> Lift:
-    level = str(lift["reference_floor_name"])
-    scale = scale_of[level]
-    at = (float(lift["x"]) * scale[0], float(lift["y"]) * scale[1])
-    return Lift(name, level, at, float(lift.get("yaw", 0)), (float(lift["width"]), float(lift["depth"])))
+    return "parking" if properties.get("is_parking_spot") else None

@@ -35,7 +35,8 @@ levels:
       - [400, 140, 0, ""]
 lifts:
   Lift A:
-    {depth: 3.0, width: 2.0, x: 500, y: 100, yaw: 0, reference_floor_name: Ground, level_doors: {Ground: [d]}}
+    {depth: 3.0, width: 2.0, x: 500, y: 100, yaw: 0, reference_floor_name: Ground,
+     level_doors: {Ground: [d], Upper: [d]}}
 """
 
 PLANT = """<?xml version="1.0" encoding="UTF-8"?>

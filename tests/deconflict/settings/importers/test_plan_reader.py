@@ -32,7 +32,7 @@ def site_of(path: Path, width_m: float = 1.2) -> Site:
 
 def written(folder: Path, name: str, text: str) -> Path:
     path = folder / name
-    path.write_text(text)
+    path.write_text(text, errors="surrogateescape")
     return path
 
 
@@ -95,11 +95,22 @@ def test_equal_names_get_different_ids(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("a.yaml", "name: works\n", "has no levels"),
+        ("a.yaml", "- a list\n", "has no levels"),
+        ("a.yaml", "levels: {}\nname: a\nlevels: {}\n", "line 1: has the key 'levels' twice; delete one"),
+        ("a.json", '{"levels": {}, "levels": {}}', "has the key 'levels' twice in one object; delete one"),
+        ("a.svg", '<svg xmlns="http://www.w3.org/2000/svg"/>', "is a drawing"),
+        ("a.xml", "<tcsOrderSet/>", "is XML, but no openTCS plant model, .*; found <tcsOrderSet>"),
+        ("a.toml", 'name = "site"\n', "is TOML, as a site file, not a plan"),
+        ("a.toml", '[[datums]]\nid = ""\n', "is TOML, as a site file, not a plan"),
+        ("a.geojson", '{"type": "FeatureCollection"}', "is GeoJSON; import the NAME.building.yaml"),
+        ("a.json", '{"format_version": "0.1", "anchors": {}, "levels": {}}', "is a site of Open-RMF's site editor"),
+        ("a.ron", '(format_version: "0.1")', "is a site of Open-RMF's site editor"),
+        ("map.yaml", "{image: a.pgm, resolution: 0.05, origin: [0, 0, 0]}", "is the map of one robot"),
+        ("a.png", "\udc89PNG", "is no text; give the file of the plan"),
         ("a.yaml", "levels: [", "can't be read"),
         ("a.xml", "<model>", "can't be read"),
         ("a.xml", '<model><point name="P1"/></model>', "point 'P1' has no positionX"),
-        ("a.yaml", BUILDING.replace("measurements", "remarks"), "levels.Upper.measurements: is missing"),
-        ("a.yaml", "levels: {L1: {}}", "does not have the structure of its format: KeyError"),
+        ("a.json", '{"levels": [{"name": "L1"}], "name": "a"}', "does not have the structure of its format: KeyError"),
     ],
 )
 def test_a_file_that_is_not_a_plan_is_explained(name: str, text: str, message: str, tmp_path: Path) -> None:
