@@ -140,8 +140,12 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         outline = _along(door.ends, DOOR_DEPTH_M)
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
     at = _spots(level)
+    bends = {(lane.start, lane.end): lane.bends for lane in level.lanes}
     for block in level.blocks:
         corners = shapely.MultiPoint([at[end] for lane in block.lanes for end in lane if end in at])
+        corners |= shapely.MultiPoint(
+            [spot for ends in block.lanes for spot in bends.get(ends, bends.get(ends[::-1], ()))]
+        )
         if corners.is_empty:
             continue  # the block is on another floor
         outline = _corners(corners.convex_hull.buffer(width_m / 2, cap_style="square", join_style="mitre"))
