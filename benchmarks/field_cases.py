@@ -68,7 +68,7 @@ REFUSED = "refused"
 FOUND_IN_PLANS = {
     "fiducials.building.yaml": "L1: aisle 12.5 -10.0, charger 15.0 -10.0, lift 10.0 -10.0; "
     "L2: aisle 12.5 -10.0, charger 15.0 -10.0, lift 10.0 -10.0",
-    "opentcs-two-floors.xml": "ground: aisle 10.0 0.0; upper: parking 0.0 0.0",
+    "opentcs-two-floors.xml": "Ground floor: aisle 10.0 0.0; Upper floor: parking 0.0 0.0",
     "opentcs-layout-only.xml": REFUSED,
 }
 """By plan, its floors with the kind and centre of each place, metres."""

@@ -119,7 +119,7 @@ def _add_site_import(site_parsers: Commands) -> None:
     import_parser = add_command(
         site_parsers,
         "import",
-        "print sections of a site file from an Open-RMF building file or an openTCS plant model",
+        "print sections of a site file from a LIF layout, an Open-RMF building file or an openTCS plant model",
         "deconflict site import hall.building.yaml >> SITE.toml",
     )
     import_parser.add_argument("file", type=Path, metavar="FILE", help="the file to read")

@@ -22,6 +22,8 @@ IMPORTED = UUID("7f1f6a54-3f0e-5d0c-9d55-0c6c0a3c9a10")
 """Namespace of the ids of imported floors."""
 DOOR_DEPTH_M = 1.0
 WALL_DEPTH_M = 0.1
+BEND_M = 0.05
+"""How far a bent outline may lie beside the bend."""
 DIGITS = 3
 
 
@@ -139,8 +141,10 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         outline = _along(door.ends, DOOR_DEPTH_M)
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
     at = _spots(level)
+    bends = {(lane.end, lane.start): lane.bends[::-1] for lane in level.lanes}
+    bends |= {(lane.start, lane.end): lane.bends for lane in level.lanes}
     for block in level.blocks:
-        ways = [[at[end] for end in lane] for lane in block.lanes if set(lane) <= at.keys()]
+        ways = [[at[a], *bends.get((a, b), ()), at[b]] for a, b in block.lanes if {a, b} <= at.keys()]
         if not ways:
             continue  # the block is on another floor
         outline = _around(ways, width_m)
@@ -149,13 +153,32 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         way = _way(lane, at)
         if not lane.two_way or _is_short(way, width_m):
             continue
-        yield Zone(
-            kind="aisle",
-            id=names.new(level.name, "lane", lane.start, lane.end),
-            datum=datum,
-            polygon=_along(way, width_m),
-            axis=(_rounded(way[0]), _rounded(way[-1])),
-        )
+        for part in _straight_parts(way, width_m):
+            yield Zone(
+                kind="aisle",
+                id=names.new(level.name, "lane", lane.start, lane.end),
+                datum=datum,
+                polygon=_along(part, width_m),
+                axis=(_rounded(part[0]), _rounded(part[-1])),
+            )
+
+
+def _straight_parts(way: tuple[Spot, ...], width_m: float) -> Iterator[tuple[Spot, ...]]:
+    """A bent way in parts that lie by their axes: the places of robots in an aisle are told along a straight line.
+
+    A part in which two robots have no room one behind the other stays with its neighbour.
+    """
+    axis = shapely.LineString((way[0], way[-1]))
+    beside_m = [axis.distance(shapely.Point(spot)) for spot in way]
+    if max(beside_m) > width_m / 2:
+        for row in sorted(range(1, len(way) - 1), key=lambda row: -beside_m[row]):
+            before, after = way[: row + 1], way[row:]
+            if not _is_short(before, width_m) and not _is_short(after, width_m):
+                yield from _straight_parts(before, width_m)
+                yield from _straight_parts(after, width_m)
+                return
+    if way[0] != way[-1]:
+        yield way
 
 
 def _square(at: Spot, side_m: float) -> Polygon:
@@ -178,8 +201,9 @@ def _around(ways: list[list[Spot]], width_m: float) -> Polygon:
 
 
 def _along(way: tuple[Spot, ...], width_m: float) -> Polygon:
-    """The band along a line, with flat ends."""
-    return _corners(shapely.LineString(way).buffer(width_m / 2, cap_style="flat"))
+    """The band along a line, with flat ends. Bends are drawn with few corners."""
+    line = shapely.LineString(way).simplify(BEND_M)
+    return _corners(line.buffer(width_m / 2, cap_style="flat", join_style="mitre"))
 
 
 def _corners(shape: shapely.Polygon) -> Polygon:

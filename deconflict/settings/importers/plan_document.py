@@ -16,7 +16,12 @@ from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 PLANT = "model"
 """The outermost element of an openTCS plant model."""
 TRAFFIC_EDITOR = "import the NAME.building.yaml that it was made from"
-XML_KINDS = {"svg": "is a drawing (SVG), which has no lanes; import the plan that it was drawn from"}
+XML_KINDS = {
+    "svg": "is a drawing (SVG), which has no lanes; import the plan that it was drawn from",
+    "tcsOrderSet": "is a set of transport orders of openTCS; import the plant model",
+    "tcsResponseSet": "has answers of openTCS to transport orders; import the plant model",
+    "tcsStatusMessageSet": "has status messages of openTCS; import the plant model",
+}
 """What XML with another outermost element is."""
 
 

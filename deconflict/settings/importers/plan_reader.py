@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from deconflict.settings.importers.drawing import DrawnSite, drawn_site
+from deconflict.settings.importers.formats.lif import is_lif, read_lif
 from deconflict.settings.importers.formats.metres import read_layout
 from deconflict.settings.importers.formats.openrmf import read_building
 from deconflict.settings.importers.formats.opentcs import read_plant
@@ -19,7 +20,7 @@ WIDTHS_M = 0.1, 100
 
 HEAD = """\
 # From {file}. Complete what the plan does not contain:
-# - the id of each datum: the UUID that your robots send, and its reference points;
+# - the id of each datum, unless it is the one that your robots send, and its reference points;
 # - the outlines: they are squares and bands {width} m wide around points and lanes;
 # - the aisles: delete each two-way lane in which two robots can pass each other.
 # Then run `deconflict check`.
@@ -49,14 +50,18 @@ def imported_site(path: Path, width_m: float) -> ImportedSite:
 
 
 def read_plan(path: Path) -> ImportedPlan:
-    """The plan in a file. XML is openTCS; `levels` is a table in Open-RMF files, and a list in layouts in metres."""
+    """The plan in a file. XML is openTCS, and LIF has layouts; `levels` is a table in Open-RMF files, else a list."""
     from deconflict.settings.importers.plan_document import read_document  # noqa: PLC0415 - the command line starts without YAML
 
     document = read_document(path)
     if isinstance(document, ElementTree.Element):
         return read_plant(document)
+    if is_lif(document):
+        return read_lif(document)
     if "levels" not in document:
-        raise PlanError(f"{path}: has no levels; expected an Open-RMF building file or an openTCS plant model")
+        raise PlanError(
+            f"{path}: has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
+        )
     return read_building(document) if isinstance(document["levels"], dict) else read_layout(document)
 
 

@@ -1,5 +1,8 @@
 """Small sites, as the tools that know them write them."""
 
+from collections.abc import Sequence
+from typing import Any
+
 BUILDING = """
 coordinate_system: reference_image
 name: works
@@ -57,3 +60,77 @@ PLANT = """<?xml version="1.0" encoding="UTF-8"?>
   <block name="B2" type="SAME_DIRECTION_ONLY"><member name="P1 --- P2"/></block>
 </model>
 """
+
+
+def lif_node(name: str, x: float, y: float, map_id: str = "hall", *actions: str) -> dict[str, Any]:
+    of_type = {"vehicleTypeId": "tug", "actions": [{"actionType": each, "blockingType": "HARD"} for each in actions]}
+    position = {"x": x, "y": y}
+    return {"nodeId": name, "mapId": map_id, "nodePosition": position, "vehicleTypeNodeProperties": [of_type]}
+
+
+def lif_edge(start: str, end: str, **of_type: object) -> dict[str, Any]:
+    row = {"vehicleTypeId": "tug", "rotationAllowed": False, **of_type}
+    return {"edgeId": f"{start}-{end}", "startNodeId": start, "endNodeId": end, "vehicleTypeEdgeProperties": [row]}
+
+
+def lif_curve(*points: tuple[float, float]) -> dict[str, Any]:
+    """A Bézier curve of the third degree."""
+    return {
+        "degree": 3,
+        "knotVector": [0, 0, 0, 0, 1, 1, 1, 1],
+        "controlPoints": [{"x": x, "y": y} for x, y in points],
+    }
+
+
+def lif_file(*layouts: dict[str, Any], version: str = "1.0.0") -> dict[str, Any]:
+    meta = {"projectIdentification": "works", "creator": "a test", "lifVersion": version}
+    return {"metaInformation": meta, "layouts": list(layouts)}
+
+
+def lif_layout(
+    name: str, level: str, nodes: list[Any], edges: list[Any], stations: Sequence[Any] = ()
+) -> dict[str, Any]:
+    return {"layoutId": name, "layoutLevelId": level, "nodes": nodes, "edges": edges, "stations": list(stations)}
+
+
+BEND, BEND_BACK = lif_curve((20, 0), (26, 0), (30, 4), (30, 10)), lif_curve((30, 10), (30, 4), (26, 0), (20, 0))
+LIF = lif_file(
+    lif_layout(
+        "upper",
+        "2",
+        [lif_node("U1", 30, 10, "upper"), lif_node("U2", 45, 10, "upper", "park")],
+        [lif_edge("U1", "U2"), lif_edge("U2", "U1"), lif_edge("U1", "C")],
+    ),
+    lif_layout(
+        "hall-west",
+        "1",
+        [
+            lif_node("A", 0, 0, "hall", "startCharging", "stopCharging"),
+            lif_node("B", 20, 0),
+            lif_node("D", 20, -12, "hall", "pick", "drop"),
+        ],
+        [
+            lif_edge("A", "B", maxSpeed=1.2),
+            lif_edge("B", "A"),
+            lif_edge("B", "D"),
+            lif_edge("B", "C", trajectory=BEND),
+        ],
+        [
+            {"stationId": "s1", "stationName": "Charger 1", "interactionNodeIds": ["A"]},
+            {"stationId": "s2", "stationName": "Press", "interactionNodeIds": ["D"], "stationHeight": "0.55"},
+            {"stationId": "s3", "stationName": "Press top", "interactionNodeIds": ["D"], "stationHeight": 1.2},
+        ],
+    ),
+    lif_layout(
+        "hall-east",
+        "1",
+        [lif_node("C", 30, 10), lif_node("E", 42, 10)],
+        [lif_edge("C", "B", trajectory=BEND_BACK), lif_edge("C", "E"), lif_edge("C", "U1"), lif_edge("C", "gone")],
+        [
+            {"stationId": "s4", "stationName": "Wrapper", "interactionNodeIds": ["E"]},
+            {"stationId": "s5", "interactionNodeIds": ["gone"], "stationPosition": {"x": 36, "y": 14}},
+            {"stationId": "s6", "interactionNodeIds": ["gone"]},
+        ],
+    ),
+)
+"""Two levels, the lower one in two layouts: a straight and a bent two-way lane, two one-way lanes, and a lift."""
