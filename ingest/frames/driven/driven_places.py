@@ -54,6 +54,11 @@ class DrivenPlaces:
         sums = np.column_stack([np.ones(len(self)), self.points_m, self.headings]) * self.metres[:, None]
         return type(self).of_sums(_added(keys, sums)[1])
 
+    def some(self, most: int) -> Self:
+        """At most so many of the places, chosen evenly."""
+        rows = np.unique(np.linspace(0, len(self) - 1, most).astype(np.int64))
+        return type(self)(self.points_m[rows], self.headings[rows], self.metres[rows])
+
     def placed(self, matrix: Floats, shift_m: Floats) -> Self:
         """In another frame. `matrix` (2, 2) keeps or mirrors lengths, or has one scale."""
         headings = self.headings @ matrix.T

@@ -13,16 +13,19 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.frames.driven.driven_places import DrivenPlaces
 from ingest.frames.driven.known_lines import KnownLines, OnLines, worth_of
 
-GATES_M = (2.0, 1.5, 1.2, 1.0, 0.9, *[0.8] * 8)
+ROUGH_GATES_M, GATES_M = (2.0, 1.5, 1.2, 1.0, 0.8), (0.8, 0.8, 0.8, 0.8)
 ROBUST_M = 0.15
 LEFT_M = 0.4
 """Vendors drive up to about this far apart in one lane."""
 BLOCK_M = 8.0
 """Along a line."""
-SAME_LINE_M, LINE_SECTORS = 0.9, 24
-LEAST_OFF_M, LEAST_BLOCK_M = 0.05, 0.03
+SAME_LINE_M, LINE_SECTORS = 4.0, 4
+MAIN_SHARE = 0.15
+LEAST_OFF_M, LEAST_BLOCK_M = 0.1, 0.05
 """Lines and blocks of vendors differ by at least this."""
 AGREES_M = 0.5
+PRIORS = np.array([1.0, 100.0, 100.0, LEFT_M, 0.02])
+"""Of the unknowns, before anything is driven: standard errors."""
 TURN, SHIFT, LEFT, SCALE = 0, slice(1, 3), 3, 4
 
 
@@ -74,10 +77,12 @@ def rotation(turn_rad: float) -> Floats:
     return np.array([[c, -s], [s, c]])
 
 
-def fitted(own: DrivenPlaces, lines: KnownLines, turn_rad: float, shift_m: Floats) -> FittedTransform | None:
+def fitted(
+    own: DrivenPlaces, lines: KnownLines, turn_rad: float, shift_m: Floats, gates_m: tuple[float, ...]
+) -> FittedTransform | None:
     """The best transform near the given one. None if almost nothing lies on a line."""
     worth, left_m = worth_of(own), 0.0
-    for gate_m in GATES_M:
+    for gate_m in gates_m:
         on, points_m = _on_lines(own, lines, turn_rad, shift_m, gate_m)
         if len(on.rows) < 20:
             return None
@@ -88,7 +93,7 @@ def fitted(own: DrivenPlaces, lines: KnownLines, turn_rad: float, shift_m: Float
         step = _solved(design[:, :SCALE], -off_m, weights)
         left_m = -float(step[LEFT])
         turn_rad, shift_m = _moved(turn_rad, shift_m, middle_m, step)
-    on, points_m = _on_lines(own, lines, turn_rad, shift_m, GATES_M[-1])
+    on, points_m = _on_lines(own, lines, turn_rad, shift_m, gates_m[-1])
     if len(on.rows) < 20:
         return None
     return _with_certainty(own, on, points_m, turn_rad, shift_m)
@@ -132,8 +137,10 @@ def _with_certainty(
     used = ~on.against & (np.abs(on.off_m - np.median(on.off_m)) < AGREES_M)
     used |= ~used.any()
     design, off_m, weights = _design(on, points_m, middle_m)[used], on.off_m[used], worth[used]
-    line, block = _lines_and_blocks(on.along[used], on.normals[used], (points_m[on.rows] - middle_m)[used])
-    step, covariance = _by_lines(design, off_m, weights, line, block)
+    line, block = _lines_and_blocks(on.along[used], (points_m[on.rows] - middle_m)[used], weights)
+    main = line >= 0
+    line = np.unique(line[main], return_inverse=True)[1]
+    step, covariance = _by_lines(design[main], off_m[main], weights[main], line, block[main])
     turn_rad, shift_m = _moved(turn_rad, shift_m, middle_m, step)
     left = off_m + design[:, :LEFT] @ step[:LEFT]
     metres = own.metres[on.rows]
@@ -154,31 +161,27 @@ def _with_certainty(
     )
 
 
-def _lines_and_blocks(along: Floats, normals: Floats, arm_m: Floats) -> tuple[Ints, Ints]:
-    """(m,) the number of each place's line, and of its block on that line."""
-    turn = np.arctan2(along[:, 1], along[:, 0]) % np.pi
-    flip = np.where(np.arctan2(along[:, 1], along[:, 0]) % (2 * np.pi) >= np.pi, -1.0, 1.0)
-    sector = _sectors(turn)
-    line = np.zeros(len(turn), np.int64)
-    first = 0
-    for number in np.unique(sector):
-        rows = np.flatnonzero(sector == number)
-        middle = np.angle(np.exp(2j * turn[rows]).mean()) / 2
-        across = arm_m[rows] @ (-np.sin(middle), np.cos(middle))
-        order = np.argsort(across)
-        gap = np.diff(across[order], prepend=across[order[0]]) > SAME_LINE_M / 3
-        line[rows[order]] = first + np.cumsum(gap)
-        first = int(line[rows].max()) + 1
-    along_m = np.einsum("ij,ij->i", arm_m, along) * flip
-    block = np.floor(along_m / BLOCK_M).astype(np.int64)
-    del normals
-    return line, block
+def _lines_and_blocks(along: Floats, arm_m: Floats, weights: Floats) -> tuple[Ints, Ints]:
+    """(m,) the number of each place's line, and of its block on that line. The lanes of an aisle are one line.
+
+    A place in a direction in which little is driven, as in a turn, is on no line: -1.
+    """
+    turn = np.arctan2(along[:, 1], along[:, 0])
+    axes_rad = np.angle(np.average(np.exp(4j * turn), weights=weights)) / 4
+    sector = np.rint((turn - axes_rad) * LINE_SECTORS / np.pi).astype(np.int64) % LINE_SECTORS
+    middle = np.array([_mean_line(turn[sector == number]) for number in range(LINE_SECTORS)])[sector]
+    across_m = arm_m[:, 1] * np.cos(middle) - arm_m[:, 0] * np.sin(middle)
+    along_m = arm_m[:, 0] * np.cos(middle) + arm_m[:, 1] * np.sin(middle)
+    strips = np.column_stack([sector, np.floor(across_m / SAME_LINE_M)])
+    line = np.unique(strips, axis=0, return_inverse=True)[1].ravel()
+    driven = np.bincount(sector, weights, LINE_SECTORS)
+    line[(driven < MAIN_SHARE * driven.sum())[sector]] = -1
+    return line, np.floor(along_m / BLOCK_M).astype(np.int64)
 
 
-def _sectors(turn: Floats) -> Ints:
-    width = np.pi / LINE_SECTORS
-    sector: Ints = np.rint(turn / width).astype(np.int64) % LINE_SECTORS
-    return sector
+def _mean_line(turns: Floats) -> float:
+    """The mean of directions modulo half a turn."""
+    return float(np.angle(np.exp(2j * turns).mean()) / 2) if len(turns) else 0.0
 
 
 def _by_lines(
@@ -204,29 +207,24 @@ def _by_lines(
 def _generalised(
     rows: Floats, wanted: Floats, of_line: Ints, off_line_m: float, off_block_m: Floats
 ) -> tuple[Floats, Floats]:
-    normal, right = np.diag([1.0, 1e-4, 1e-4, LEFT_M**-2, 0.02**-2]), np.zeros(5)
-    for line in np.unique(of_line):
-        mine = of_line == line
-        x, y, inverse = rows[mine], wanted[mine], 1 / off_block_m[mine] ** 2
-        weighted = x * inverse[:, None]
-        shrink = off_line_m**2 / (1 + off_line_m**2 * inverse.sum())
-        ones_x, ones_y = weighted.sum(axis=0), float((y * inverse).sum())
-        normal += x.T @ weighted - shrink * np.outer(ones_x, ones_x)
-        right += weighted.T @ y - shrink * ones_x * ones_y
-    covariance = np.linalg.inv(normal)
-    return covariance @ right, covariance
+    """Least squares with errors that the blocks of a line have in common, and the covariance."""
+    inverse = off_block_m**-2
+    both = np.column_stack([rows, wanted])
+    sums = np.column_stack([np.bincount(of_line, column * inverse) for column in both.T])
+    shrink = off_line_m**2 / (1 + off_line_m**2 * np.bincount(of_line, inverse))
+    normal = both.T @ (both * inverse[:, None]) - sums.T @ (sums * shrink[:, None])
+    covariance = np.linalg.inv(normal[:-1, :-1] + np.diag(PRIORS**-2.0))
+    return covariance @ normal[:-1, -1], covariance
 
 
 def _spreads(left: Floats, share: Floats, of_line: Ints) -> tuple[float, float]:
     """How much lines differ, and the blocks of a line, metres."""
-    total = np.bincount(of_line, share)
-    mean = np.bincount(of_line, left * share) / np.maximum(total, 1e-9)
-    blocks = np.bincount(of_line)
-    several = int((blocks[blocks > 0] - 1).sum())
-    within = float((share * (left - mean[of_line]) ** 2).sum()) / max(several, 1)
-    present = blocks > 0
-    freedom = max(int(present.sum()) - 4, 1)
-    between = float((mean[present] ** 2 * np.minimum(total[present], 1.0)).sum()) / freedom
+    total, blocks = np.bincount(of_line, share), np.bincount(of_line)
+    mean = np.bincount(of_line, left * share) / total
+    within = float((share * (left - mean[of_line]) ** 2).sum()) / max(int((blocks - 1).sum()), 1)
+    worth = np.minimum(total, 3.0)
+    freedom = max(1 - 4 / len(total), 0.1)
+    between = float(np.average(mean**2, weights=worth)) / freedom
     return max(LEAST_OFF_M, float(np.sqrt(between))), max(LEAST_BLOCK_M, float(np.sqrt(within)))
 
 
@@ -237,7 +235,3 @@ def same(a: FittedTransform, b: FittedTransform, apart_m: float = 0.5) -> bool:
     turn = abs((a.turn_rad - b.turn_rad + np.pi) % (2 * np.pi) - np.pi)
     off_m = float(np.hypot(*(back @ b.matrix.T + b.shift_m - at)))
     return off_m + turn * a.reach_m / 2 < apart_m
-
-
-Fits = list[FittedTransform]
-Masks = Bools

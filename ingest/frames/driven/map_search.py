@@ -1,6 +1,6 @@
 """The transform of a frame, proposed from driving, or why none is proposed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from ingest.frames.driven.driven_places import DrivenPlaces
 from ingest.frames.driven.known_lines import CELL_M, KnownLines
-from ingest.frames.driven.line_fit import SCALE, TURN, FittedTransform, fitted, same
+from ingest.frames.driven.line_fit import GATES_M, ROUGH_GATES_M, SCALE, TURN, FittedTransform, fitted, same
 from ingest.frames.driven.raster_search import rough_transforms
 from ingest.frames.driven.shared_moments import MomentIndex, Moments, Overlaps
 
 WITHIN_M, WITHIN_RAD = 0.2, np.radians(1.0)
 """A proposal is at most so uncertain (95 %)."""
-RIVAL_SHARE = 0.6
+RIVAL_SHARE = 0.8
 """Another transform that explains this share of what the best explains is a rival."""
-WORTH_TRYING = 0.35
+WORTH_TRYING, ROUGH_PLACES, MOST_TRIALS = 0.35, 800, 24
 LEAST_COMMON_M = 100.0
 LEAST_LINES = 4
 STRETCH = 0.003
@@ -92,16 +92,26 @@ def _found(own: DrivenFrame, known: DrivenFrame) -> FoundMap:
 def _trials(own: DrivenFrame, known: DrivenFrame) -> Iterator[_Trial]:
     """The transforms that come into question, the best first."""
     lines, places = KnownLines(known.places), own.places.coarser(CELL_M)
-    fits: list[FittedTransform] = []
-    for rough in rough_transforms(own.places, known.places):
-        fit = fitted(places, lines, rough.turn_rad, np.array(rough.shift_m))
-        if fit and fit.agreement > 0 and not any(same(fit, other) for other in fits):
-            fits.append(fit)
-    fits.sort(key=lambda fit: -fit.agreement)
+    few = places.some(ROUGH_PLACES)
+    begun = [
+        fitted(few, lines, rough.turn_rad, np.array(rough.shift_m), ROUGH_GATES_M)
+        for rough in rough_transforms(own.places, known.places)
+    ]
+    finished = [fitted(places, lines, fit.turn_rad, fit.shift_m, GATES_M) for fit in _best(begun)]
     index = MomentIndex(known.moments)
-    for fit in fits:
-        if fit.agreement >= WORTH_TRYING * fits[0].agreement:
-            yield _Trial(fit, index.overlaps(own.moments.placed(fit.matrix, fit.shift_m)))
+    for fit in _best(finished):
+        yield _Trial(fit, index.overlaps(own.moments.placed(fit.matrix, fit.shift_m)))
+
+
+def _best(fits: Iterable[FittedTransform | None]) -> list[FittedTransform]:
+    """Those that explain most, each once."""
+    kept: list[FittedTransform] = []
+    for fit in sorted((fit for fit in fits if fit), key=lambda fit: -fit.agreement):
+        if fit.agreement < max(WORTH_TRYING * kept[0].agreement if kept else 0, 1e-9):
+            break
+        if not any(same(fit, other) for other in kept):
+            kept.append(fit)
+    return kept[:MOST_TRIALS]
 
 
 def _is_rivalled(best: _Trial, trials: list[_Trial]) -> bool:

@@ -15,15 +15,20 @@ from ingest.frames.driven.driven_places import JUMP_M, SILENT_S
 EVERY_S = 1
 MOST_MOMENTS = 1_000_000
 """Beyond this every second one is left out."""
-MOST_ASKED = 15_000
+MOST_ASKED = 30_000
 MOVED_M = 0.2
 """A robot that moved by this within a second moves."""
-INSIDE = 0.7
+INSIDE = 0.85
 """Centres nearer than this share of both half widths: two bodies in one place, even with noisy positions."""
-SHIFTS_S = (-173, -131, -97, -71, -53, -37, -23, 23, 37, 53, 71, 97, 131, 173)
+SHIFTS_S = tuple(sign * by_s for by_s in (23, 37, 53, 61, 71, 83, 97, 109, 127, 139, 151, 167, 181, 199) for sign in (-1, 1))
+ROUGH_SHIFTS = 7
+"""Every so manieth shift is enough where there are overlaps."""
 EPISODE_S = 20
-BY_CHANCE = 1e-3
-LEAST_EXPECTED = 3.0
+BY_CHANCE = 1e-4
+"""So improbable is it at most that robots which do not see each other have so few overlaps: some twenty transforms are
+tried."""
+FEW_SHARE, REFUTED_SHARE, REFUTED_BY = 0.2, 0.3, 3
+"""Of the overlaps that are expected by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,28 +112,32 @@ class Overlaps:
     """How often robots of two frames were in one place at one time."""
 
     found: int
-    expected: float
-    """How often by chance: the mean of the shifted times."""
-    least: int
-    """The least of the shifted times."""
+    by_chance: tuple[int, ...]
+    """The same with each shift of the times."""
+
+    @property
+    def expected(self) -> float:
+        return float(np.mean(self.by_chance)) if self.by_chance else 0.0
+
+    @property
+    def improbability(self) -> float:
+        """How probable it is that there are so few by chance. Meetings come in groups: their spread is measured."""
+        from scipy.special import pdtr  # noqa: PLC0415 - only proposals need it
+
+        if not self.by_chance or self.found >= min(self.by_chance):
+            return 1.0
+        grouped = max(1.0, float(np.var(self.by_chance, ddof=1)) / self.expected)
+        return float(pdtr(self.found // grouped, self.expected / grouped))
 
     @property
     def shows_same_floor(self) -> bool:
         """Far fewer than by chance: these robots give way to each other here."""
-        few = self.found <= 0.2 * self.expected and self.found < self.least
-        return few and _at_most(self.found, self.expected) < BY_CHANCE
+        return self.found <= FEW_SHARE * self.expected and self.improbability < BY_CHANCE
 
     @property
     def refutes(self) -> bool:
-        """About as many as by chance: these robots do not see each other here."""
-        return self.expected >= LEAST_EXPECTED and self.found >= max(3.0, 0.5 * self.expected)
-
-
-def _at_most(found: int, expected: float) -> float:
-    """The probability of `found` events or fewer where `expected` are usual (Poisson)."""
-    from scipy.special import pdtr  # noqa: PLC0415 - only proposals need it
-
-    return float(pdtr(found, expected))
+        """Many: these robots do not see each other here."""
+        return self.found >= max(REFUTED_BY, REFUTED_SHARE * self.expected)
 
 
 class MomentIndex:
@@ -147,15 +156,15 @@ class MomentIndex:
     def overlaps(self, own: Moments) -> Overlaps:
         """`own` in the same frame. Each moment of `own` with the nearest known robot of the same second."""
         at = own.t_s - self._first_s
-        own = own.take(own.moves & (at >= 0) & (at < self._span_s))
+        own = own.take((at >= 0) & (at < self._span_s))
         if len(own) > MOST_ASKED:
             own = own.take(np.random.default_rng(0).choice(len(own), MOST_ASKED, replace=False))
         if not len(own) or not len(self._known):
-            return Overlaps(0, 0.0, 0)
-        shifted = [self._episodes(own, by_s) for by_s in SHIFTS_S if abs(by_s) < self._span_s / 2]
-        if not shifted:
-            return Overlaps(0, 0.0, 0)
-        return Overlaps(self._episodes(own, 0), float(np.mean(shifted)), min(shifted))
+            return Overlaps(0, ())
+        shifts = [by_s for by_s in SHIFTS_S if abs(by_s) < self._span_s / 2]
+        found = self._episodes(own, 0)
+        shifts = shifts[:: 1 if found < REFUTED_BY else ROUGH_SHIFTS]
+        return Overlaps(found, tuple(self._episodes(own, by_s) for by_s in shifts))
 
     def _episodes(self, own: Moments, by_s: int) -> int:
         """How many meetings, each counted once, if `own` came so much later, around the end to the beginning."""
@@ -165,6 +174,7 @@ class MomentIndex:
         near = np.flatnonzero(np.isfinite(apart_m))
         row = row[near]
         inside = apart_m[near] < INSIDE * (own.half_width_m[near] + self._known.half_width_m[row])
+        inside &= own.moves[near] | self._known.moves[row]
         near, row = near[inside], row[inside]
         meetings = np.column_stack([own.robot[near], self._known.robot[row], t_s[near] // EPISODE_S])
         return len(np.unique(meetings, axis=0)) if len(meetings) else 0
