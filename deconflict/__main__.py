@@ -84,8 +84,12 @@ def _add_check(commands: Commands) -> None:
         "check",
         "check a site file, and the fit of each vendor's map to the site's frame, and say how much disk it needs",
         "deconflict check SITE.toml",
+        "deconflict check SITE.toml --driven data/log      # how far maps are from what robots drive",
     )
     check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
+    check_parser.add_argument(
+        "--driven", nargs="+", default=[], type=Path, metavar="LOG", help="also compare vendors' maps with these logs"
+    )
     check_parser.set_defaults(run=_check)
 
 
@@ -96,6 +100,7 @@ def _add_site(commands: Commands) -> None:
         "write parts of a site file",
         "deconflict site new > SITE.toml",
         "deconflict site import hall.building.yaml >> SITE.toml",
+        "deconflict site align data/log --site SITE.toml",
         "deconflict site suggest data/log --site SITE.toml",
     )
     site_parsers = site_parser.add_subparsers(dest="part", required=True, metavar="PART")
@@ -115,6 +120,18 @@ def _add_site(commands: Commands) -> None:
         help="width of lanes and places, metres (default: %(default)s)",
     )
     import_parser.set_defaults(run=_site_import)
+
+    align_parser = add_command(
+        site_parsers,
+        "align",
+        "print vendors' maps found from what their robots and others drive in the same aisles, from recorded logs",
+        "deconflict site align data/log --site SITE.toml",
+    )
+    align_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    align_parser.add_argument(
+        "--site", type=Path, required=True, metavar="SITE.toml", help="the site file, with the datums of the floors"
+    )
+    align_parser.set_defaults(run=_site_align)
 
     suggest_parser = add_command(
         site_parsers,
@@ -158,11 +175,19 @@ def _add_descriptions(commands: Commands) -> None:
 
 
 def _check(args: argparse.Namespace) -> int:
-    return check(args.site, sys.stdout, serving_problems, disk_lines)
+    return check(args.site, sys.stdout, serving_problems, disk_lines, files_of(args.driven) if args.driven else ())
 
 
 def _site_import(args: argparse.Namespace) -> int:
     sys.stdout.write(plan_reader.imported_toml(args.file, args.width))
+    return 0
+
+
+def _site_align(args: argparse.Namespace) -> int:
+    from deconflict.settings.importers.proposed_maps import proposed_maps  # noqa: PLC0415 - loads numba
+
+    files_of(args.logs)
+    sys.stdout.write(proposed_maps(args.logs, site_file.load(args.site)))
     return 0
 
 

@@ -119,24 +119,21 @@ def _base(vendor_map: VendorMap, datum: Datum) -> Affine:
 def _unaligned(site: Site, bases: dict[SentFrame, Affine]) -> Site:
     """The site with each vendor's datum as a floor of its own."""
     datums = [_made_datum(*sent, base) for sent, base in bases.items()]
-    vendors = [_with_own_floors(vendor, [datum for name, datum in bases if name == vendor.name]) for vendor in site.vendors]
-    return site.model_copy(update={"datums": (*site.datums, *datums), "vendors": tuple(vendors)})
+    vendors = tuple(
+        _with_own_floors(vendor, [datum for name, datum in bases if name == vendor.name]) for vendor in site.vendors
+    )
+    return site.model_copy(update={"datums": (*site.datums, *datums), "vendors": vendors})
 
 
 def _made_datum(vendor: str, datum: str, base: Affine) -> Datum:
     points = base(np.array(CORNERS)).tolist()
     marks = tuple(ReferencePoint(id=str(number), x=x, y=y) for number, (x, y) in enumerate(points))
-    return Datum(id=_own_floor(vendor, datum), name=datum, reference_points=marks).model_copy(
-        update={"id": _own_floor(vendor, datum)}
-    )
+    made = Datum(id="", name=datum, reference_points=marks)
+    return made.model_copy(update={"id": _own_floor(vendor, datum)})
 
 
 def _with_own_floors(vendor: Vendor, datums: Iterable[str]) -> Vendor:
-    readings = {str(number): corner for number, corner in enumerate(CORNERS)}
-    maps = [
-        VendorMap(datum=datum, site_datum="", readings=readings).model_copy(
-            update={"site_datum": _own_floor(vendor.name, datum)}
-        )
-        for datum in datums
-    ]
-    return vendor.model_copy(update={"maps": tuple(maps)})
+    made = VendorMap(datum="", site_datum="", readings={str(number): corner for number, corner in enumerate(CORNERS)})
+    floors = [(datum, _own_floor(vendor.name, datum)) for datum in datums]
+    maps = tuple(made.model_copy(update={"datum": datum, "site_datum": floor}) for datum, floor in floors)
+    return vendor.model_copy(update={"maps": maps})

@@ -1,7 +1,7 @@
 """Vendors' maps, proposed from what their robots and others drive; how far a map's readings are from that."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import degrees
 from pathlib import Path
@@ -83,29 +83,23 @@ def _proposal(log: DrivenLog, site: Site, vendor: str, datum: str) -> MapProposa
     trials = [_on_floor(log, site, vendor, datum, floor) for floor in floors]
     fitting = [trial for trial in trials if trial.found.doubt is None]
     if len(fitting) > 1:
-        first = fitting[0]
-        return _proposal_like(first, FoundMap(first.found.fit, first.found.overlaps, Doubt.LIKENESS))
+        return replace(fitting[0], found=replace(fitting[0].found, doubt=Doubt.LIKENESS))
     trials.sort(key=lambda trial: -(trial.found.fit.agreement if trial.found.fit else 0.0))
-    return (fitting or trials or [None])[0]
-
-
-def _proposal_like(trial: MapProposal, found: FoundMap) -> MapProposal:
-    return MapProposal(
-        trial.vendor, trial.datum, trial.site_datum, trial.robots, found, trial.base, trial.others, trial.corners_m
-    )
+    return next(iter(fitting or trials), None)
 
 
 def _on_floor(log: DrivenLog, site: Site, vendor: str, datum: str, floor: Datum) -> MapProposal:
     known = _known(log, site, floor, (vendor, datum))
+    found, corners_m = FoundMap(None, None, Doubt.LITTLE), np.zeros((4, 2))
+    if known:
+        places = DrivenPlaces.joined([frame.places for frame in known.values()])
+        moments = Moments.joined([frame.moments for frame in known.values()])
+        found = found_map(log.frames[vendor, datum], DrivenFrame(places, moments))
+        (west, south), (east, north) = places.points_m.min(axis=0), places.points_m.max(axis=0)
+        corners_m = np.array([(west, south), (east, south), (east, north), (west, north)])
     others = tuple(sorted({name for name, _ in known}))
-    frame = _joined(list(known.values()))
-    found = found_map(log.frames[vendor, datum], frame) if known else FoundMap(None, None, Doubt.LITTLE)
     base = log.bases.get((vendor, datum), AS_SENT)
-    points = frame.places.points_m if known else np.zeros((1, 2))
-    (west, south), (east, north) = points.min(axis=0), points.max(axis=0)
-    corners = np.array([(west, south), (east, south), (east, north), (west, north)])
-    robots = log.robots[vendor, datum]
-    return MapProposal(vendor, datum, floor, robots, found, base, others, corners)
+    return MapProposal(vendor, datum, floor, log.robots[vendor, datum], found, base, others, corners_m)
 
 
 def _known(log: DrivenLog, site: Site, floor: Datum, own: tuple[str, str]) -> dict[tuple[str, str], DrivenFrame]:
@@ -130,13 +124,6 @@ def _by_its_map(log: DrivenLog, site: Site, floor: Datum, sent: tuple[str, str])
     matrix = affine.matrix @ np.linalg.inv(base.matrix)
     shift_m = affine.shift - matrix @ base.shift
     return DrivenFrame(frame.places.placed(matrix, shift_m), frame.moments.placed(matrix, shift_m))
-
-
-def _joined(frames: Sequence[DrivenFrame]) -> DrivenFrame:
-    places, moments = [frame.places for frame in frames], [frame.moments for frame in frames]
-    return DrivenFrame(DrivenPlaces.joined(places), Moments.joined(moments)) if frames else DrivenFrame(
-        DrivenPlaces(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)), Moments.joined([])
-    )
 
 
 def _map_of(site: Site, vendor: str, datum: str) -> VendorMap | None:
@@ -234,32 +221,37 @@ def _places_m(datum: Datum, marks: Iterable[ReferencePoint]) -> Floats:
     return points if datum.coordinates == "metres" else Projection(datum).points(points)
 
 
-def difference_lines(proposal: MapProposal, vendor_map: VendorMap) -> Iterator[str]:
+def difference_lines(proposal: MapProposal, vendor_map: VendorMap | None) -> Iterator[str]:
     """How far the readings of a map are from what is driven, for `deconflict check`."""
     fit = proposal.fit
     if fit is None:
-        doubt = proposal.found.doubt
-        yield f"driving: {'' if doubt in FITTING else 'not enough in common: '}{WHY[doubt] if doubt else ''}"
+        yield from (line.removeprefix("# ") for line in _refusal_lines(proposal))
         return
-    driven, datum = proposal.transform(fit), proposal.site_datum
+    yield f"{_subject(proposal)}: compared with driving"
+    yield from (f"  {sentence}" for sentence in how_found(proposal, fit))
     try:
-        read = fit_map(vendor_map, datum)
+        read = fit_map(vendor_map, proposal.site_datum) if vendor_map else None
     except FitError:
-        yield "driving: a map is found; `deconflict site align` prints it"
+        read = None
+    if read is None or vendor_map is None:
+        yield "  NOTE it has no map that fits; `deconflict site align` prints the one that was found"
         return
+    driven = proposal.transform(fit)
     sent = (proposal.corners_m - driven.shift) @ np.linalg.inv(driven.matrix).T
     off_m = float(np.hypot(*(read.transform(sent) - proposal.corners_m).T).max())
-    turn = degrees(read.affine.rotation_rad - driven.rotation_rad)
-    yield (
-        f"driving: readings and what is driven differ by {off_m:.2f} m at the floor's far corner and by "
-        f"{abs((turn + 180) % 360 - 180):.2f} deg"
-    )
-    yield from (f"  {sentence}" for sentence in how_found(proposal, fit))
-    names = {point.id: point for point in datum.reference_points}
-    for point, reading in vendor_map.readings.items():
-        place = _places_m(datum, [names[point]])[0]
-        missed_m = float(np.hypot(*(driven(np.array([reading]))[0] - place)))
-        sure_m = fit.error_m(float(np.hypot(*(place - fit.middle_m))))
-        if missed_m > max(OFF_M, OFF_ERRORS * sure_m):
-            name = names[point].name or point
-            yield f"NOTE the reading of {name} is {missed_m:.2f} m from where driving puts it (known to {sure_m:.2f} m); read it again"
+    turn_deg = (degrees(read.affine.rotation_rad - driven.rotation_rad) + 180) % 360 - 180
+    yield f"  the readings differ from it by {off_m:.2f} m at the floor's far corner and by {abs(turn_deg):.2f} degrees"
+    yield from _wrong_readings(proposal, fit, vendor_map)
+
+
+def _wrong_readings(proposal: MapProposal, fit: FittedTransform, vendor_map: VendorMap) -> Iterator[str]:
+    marks = {mark.id: mark for mark in proposal.site_datum.reference_points}
+    read = [marks[mark] for mark in vendor_map.readings]
+    found_m = proposal.transform(fit)(np.array(list(vendor_map.readings.values())))
+    for mark, place, found in zip(read, _places_m(proposal.site_datum, read), found_m, strict=True):
+        off_m, sure_m = float(np.hypot(*(found - place))), fit.error_m(float(np.hypot(*(place - fit.middle_m))))
+        if off_m > max(OFF_M, OFF_ERRORS * sure_m):
+            yield (
+                f"  NOTE the reading of {mark.name or mark.id} is {off_m:.2f} m from where driving puts it, which is "
+                f"known to {sure_m:.2f} m; read it again"
+            )

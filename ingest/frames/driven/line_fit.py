@@ -26,6 +26,8 @@ LEAST_OFF_M, LEAST_BLOCK_M = 0.1, 0.05
 AGREES_M = 0.5
 PRIORS = np.array([1.0, 100.0, 100.0, LEFT_M, 0.02])
 """Of the unknowns, before anything is driven: standard errors."""
+CAUTION = 1.5
+"""Errors are larger than lines by themselves show: two aisles may be off by the same (`benchmarks/driven_maps.py`)."""
 TURN, SHIFT, LEFT, SCALE = 0, slice(1, 3), 3, 4
 
 
@@ -69,7 +71,7 @@ class FittedTransform:
         """Standard errors within which 95 % lie: more, the fewer lines there are."""
         from scipy.special import stdtrit  # noqa: PLC0415 - only proposals need it
 
-        return float(stdtrit(max(self.lines - 4, 1), 0.975))
+        return CAUTION * float(stdtrit(max(self.lines - 4, 1), 0.975))
 
 
 def rotation(turn_rad: float) -> Floats:
