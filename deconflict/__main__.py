@@ -85,8 +85,12 @@ def _add_check(commands: Commands) -> None:
         "check",
         "check a site file, and the fit of each vendor's map to the site's frame, and say how much disk it needs",
         "deconflict check SITE.toml",
+        "deconflict check SITE.toml --driven data/log      # how far maps are from what robots drive",
     )
     check_parser.add_argument("site", type=Path, metavar="SITE.toml", help="the site file")
+    check_parser.add_argument(
+        "--driven", nargs="+", default=[], type=Path, metavar="LOG", help="also compare vendors' maps with these logs"
+    )
     check_parser.set_defaults(run=_check)
 
 
@@ -97,11 +101,13 @@ def _add_site(commands: Commands) -> None:
         "write parts of a site file",
         "deconflict site new > SITE.toml",
         "deconflict site import hall.building.yaml >> SITE.toml",
+        "deconflict site align data/log --site SITE.toml",
         "deconflict site suggest data/log --site SITE.toml",
     )
     site_parsers = site_parser.add_subparsers(dest="part", required=True, metavar="PART")
     add_site_new(site_parsers)
     _add_site_import(site_parsers)
+    _add_site_align(site_parsers)
     suggest_parser = add_command(
         site_parsers,
         "suggest",
@@ -113,6 +119,20 @@ def _add_site(commands: Commands) -> None:
         "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"
     )
     suggest_parser.set_defaults(run=_site_suggest)
+
+
+def _add_site_align(site_parsers: Commands) -> None:
+    align_parser = add_command(
+        site_parsers,
+        "align",
+        "print vendors' maps found from what their robots and others drive in the same aisles, from recorded logs",
+        "deconflict site align data/log --site SITE.toml",
+    )
+    align_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
+    align_parser.add_argument(
+        "--site", type=Path, required=True, metavar="SITE.toml", help="the site file, with the datums of the floors"
+    )
+    align_parser.set_defaults(run=_site_align)
 
 
 def _add_site_import(site_parsers: Commands) -> None:
@@ -165,7 +185,7 @@ def _add_descriptions(commands: Commands) -> None:
 
 
 def _check(args: argparse.Namespace) -> int:
-    return check(args.site, sys.stdout, serving_problems, disk_lines)
+    return check(args.site, sys.stdout, serving_problems, disk_lines, files_of(args.driven) if args.driven else ())
 
 
 def _site_import(args: argparse.Namespace) -> int:
@@ -178,6 +198,14 @@ def _site_import(args: argparse.Namespace) -> int:
         plan_picture.save_picture(imported.plan, imported.site, args.png)
     sys.stdout.write(imported.text)
     sys.stderr.write("".join(f"{visible(line)}\n" for line in summary_lines(imported.plan, imported.site)))
+    return 0
+
+
+def _site_align(args: argparse.Namespace) -> int:
+    from deconflict.settings.importers.proposed_maps import proposed_maps  # noqa: PLC0415 - loads numba
+
+    files_of(args.logs)
+    sys.stdout.write(proposed_maps(args.logs, site_file.load(args.site)))
     return 0
 
 

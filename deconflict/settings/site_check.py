@@ -1,6 +1,6 @@
 """`deconflict check`: a report on a site file, to read before robots depend on it."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from math import degrees, dist
@@ -68,11 +68,12 @@ def check(
     out: TextIO,
     verify: Callable[[Site], Iterable[str]] = lambda _: (),
     needs: Callable[[Site], Iterable[str]] = lambda _: (),
+    logs: Sequence[Path] = (),
 ) -> int:
     """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
 
     `verify` gives a sentence for each reason why this machine can't serve the site; it raises `SecretError` or
-    `CertificateError`. `needs` says what the site needs of the machine.
+    `CertificateError`. `needs` says what the site needs of the machine. Maps are compared with what is driven by `logs`.
     """
     try:
         site = load(path)
@@ -80,8 +81,19 @@ def check(
         out.write(f"FAILED: {visible_lines(str(error))}\n")
         return FAULTY
     report = site_report(site, verify)
-    out.writelines(f"{visible(line)}\n" for line in chain(report_lines(report), needs(site)))
+    driven = _driven_lines(report, logs) if logs else ()
+    out.writelines(f"{visible(line)}\n" for line in chain(report_lines(report), driven, needs(site)))
     return FAULTY if report.problems else 0
+
+
+def _driven_lines(report: SiteReport, logs: Sequence[Path]) -> Iterator[str]:
+    """How far each vendor's map is from what its robots drive."""
+    from deconflict.settings.importers import proposed_maps  # noqa: PLC0415 - loads numba
+
+    maps = {(each.vendor, each.map.datum): each.map for each in report.maps}
+    for proposal in proposed_maps.proposals(proposed_maps.driven_log(logs, report.site), report.site):
+        yield ""
+        yield from proposed_maps.difference_lines(proposal, maps.get((proposal.vendor, proposal.datum)))
 
 
 def site_report(site: Site, verify: Callable[[Site], Iterable[str]] = lambda _: ()) -> SiteReport:

@@ -1,0 +1,1 @@
+"""The transform between two frames, found from what robots drive in each."""
