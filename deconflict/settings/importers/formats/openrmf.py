@@ -69,7 +69,6 @@ def _level(level: PlanLevel, frame: LevelFrame) -> Level:
     doors = tuple(
         Door(str(edge.properties.get("name") or f"door {row}"), (nodes[edge.start].at, nodes[edge.end].at))
         for row, edge in enumerate(level.doors)
-        if level.vertices[edge.start].at != level.vertices[edge.end].at
     )
     walls = tuple((nodes[edge.start].at, nodes[edge.end].at) for edge in level.walls)
     used = {end for lane in lanes for end in (lane.start, lane.end)}
