@@ -95,7 +95,7 @@ def _spot(entry: Sequence[Any], where: str, y_sign: float) -> Spot:
 
 
 def _vertex(entry: Sequence[Any], where: str, y_sign: float) -> PlanVertex:
-    name = entry[3] if len(entry) > 3 else ""
+    name = entry[3] if len(entry) > 3 and entry[3] is not None else ""
     return PlanVertex(_spot(entry, where, y_sign), str(name), _properties(entry[4:], where))
 
 

@@ -276,6 +276,11 @@ def test_a_grid_that_gives_no_true_metres_is_refused(grid: str | None, message: 
         imported(in_metres(), tmp_path, lambda building: degrees(building, grid))
 
 
+def test_metres_that_measurements_contradict_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match=r"levels.Ground: its measurements and its metres contradict each other by 95%"):
+        imported(in_metres(), tmp_path, put([[0, 1, {"distance": [3, 0.6]}]], "measurements"))
+
+
 def test_places_in_degrees_are_on_the_globe(tmp_path: Path) -> None:
     with pytest.raises(PlanError, match=r"levels.Ground.vertices.0: must be longitude and latitude in degrees"):
         imported(in_metres(), tmp_path, degrees, put(200.0, "vertices", 0, 0))
