@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import dist
 from uuid import UUID, uuid5
 
 import shapely
@@ -24,6 +25,8 @@ DOOR_DEPTH_M = 1.0
 WALL_DEPTH_M = 0.1
 BEND_M = 0.05
 """How far a bent outline may lie beside the bend."""
+NARROWEST_M = 0.01
+"""Doors and walls from end to end; narrower ones have no outline."""
 DIGITS = 3
 
 
@@ -75,13 +78,15 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
         Obstacle(kind="wall", floor=ids[level.name], outline_m=_along(ends, WALL_DEPTH_M))
         for level in plan.levels
         for ends in level.walls
-        if ends[0] != ends[1]
+        if dist(*ends) > NARROWEST_M
     ]
-    left_out = plan.left_out + tuple(_undrawn_lanes(plan, width_m))
+    left_out = plan.left_out + tuple(_undrawn(plan, width_m))
     return DrawnSite(plan.name, datums, tuple(resources), tuple(zones), tuple(walls), left_out)
 
 
-def _undrawn_lanes(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
+def _undrawn(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
+    if narrow := sum(dist(*door.ends) <= NARROWEST_M for level in plan.levels for door in level.doors):
+        yield UnusedParts(count_of(narrow, "door"), "without width")
     lanes = [(_way(lane, _spots(level)), lane.two_way) for level in plan.levels for lane in level.lanes]
     if one_way := sum(not two_way for _, two_way in lanes):
         yield UnusedParts(count_of(one_way, "one-way lane"), "robots do not meet head-on there")
@@ -138,6 +143,8 @@ def _cabin(nodes: tuple[Node, ...], lift: str) -> Spot | None:
 
 def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Zone]:
     for door in level.doors:
+        if dist(*door.ends) <= NARROWEST_M:
+            continue
         outline = _along(door.ends, DOOR_DEPTH_M)
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
     at = _spots(level)

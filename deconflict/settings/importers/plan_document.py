@@ -16,6 +16,7 @@ from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 PLANT = "model"
 """The outermost element of an openTCS plant model."""
 TRAFFIC_EDITOR = "import the NAME.building.yaml that it was made from"
+SITE_EDITOR = "is a site of Open-RMF's site editor; export its navigation graphs there, and import these"
 XML_KINDS = {
     "svg": "is a drawing (SVG), which has no lanes; import the plan that it was drawn from",
     "tcsOrderSet": "is a set of transport orders of openTCS; import the plant model",
@@ -79,7 +80,7 @@ def _twice(keys: Iterable[str]) -> str | None:
 def _other_text(path: Path, text: str) -> str | None:
     """What a text is that is neither XML nor JSON nor YAML."""
     if path.suffix == ".ron":
-        return f"is a site of Open-RMF's site editor; {TRAFFIC_EDITOR}"
+        return SITE_EDITOR
     try:
         tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -98,7 +99,7 @@ def _other_thing(document: Any) -> str | None:
     if document.get("type") == "FeatureCollection":
         return f"is GeoJSON; {TRAFFIC_EDITOR}"
     if "format_version" in document and "anchors" in document:
-        return f"is a site of Open-RMF's site editor; {TRAFFIC_EDITOR}"
+        return SITE_EDITOR
     if {"image", "resolution", "origin"} <= document.keys():
         return "is the map of one robot, which has no lanes or places; import a plan"
     return None

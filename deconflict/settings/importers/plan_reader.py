@@ -9,6 +9,7 @@ from deconflict.settings.importers.drawing import DrawnSite, drawn_site
 from deconflict.settings.importers.formats.lif import is_lif, read_lif
 from deconflict.settings.importers.formats.metres import read_layout
 from deconflict.settings.importers.formats.openrmf import read_building
+from deconflict.settings.importers.formats.openrmf_graphs import is_graph, read_graph
 from deconflict.settings.importers.formats.opentcs import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
@@ -62,7 +63,9 @@ def read_plan(path: Path) -> ImportedPlan:
         raise PlanError(
             f"{path}: has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
         )
-    return read_building(document) if isinstance(document["levels"], dict) else read_layout(document)
+    if is_graph(document):
+        return read_graph(document)
+    return read_layout(document) if isinstance(document["levels"], list) else read_building(document)
 
 
 def toml(site: DrawnSite, head: str) -> str:

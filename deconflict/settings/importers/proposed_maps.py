@@ -15,7 +15,7 @@ from deconflict_client.counted_nouns import count_of
 from ingest.batch import Floats
 from ingest.frames.driven.driven_places import DrivenPlaces
 from ingest.frames.driven.line_fit import TURN, FittedTransform
-from ingest.frames.driven.map_search import DrivenFrame, Doubt, FoundMap, found_map
+from ingest.frames.driven.map_search import Doubt, DrivenFrame, FoundMap, found_map
 from ingest.frames.driven.shared_moments import Moments
 from ingest.frames.fitting import FitError
 from ingest.frames.frame_registry import fit_map

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from deconflict.settings.importers.formats.openrmf_entries import PlanLevel, Properties, mapping, plan_levels
-from deconflict.settings.importers.formats.openrmf_frames import LevelFrame, drawn_frames
+from deconflict.settings.importers.formats.openrmf_frames import LevelFrame, drawn_frames, metric_frames
 from deconflict.settings.importers.formats.openrmf_globe import grid_of
 from deconflict.settings.importers.formats.openrmf_lifts import RmfLifts
 from deconflict.settings.importers.formats.openrmf_unused import unused_parts
@@ -33,7 +33,7 @@ def read_building(document: Mapping[str, Any]) -> ImportedPlan:
     if system == IMAGE:
         frames, doubts = drawn_frames(levels, reference)
     elif system == METRES:
-        frames = {name: LevelFrame(lambda at: at) for name in levels}
+        frames, doubts = metric_frames(levels)
     else:
         grid, to_metres = grid_of(document, levels)
         frames = {name: LevelFrame(to_metres) for name in levels}
@@ -69,7 +69,6 @@ def _level(level: PlanLevel, frame: LevelFrame) -> Level:
     doors = tuple(
         Door(str(edge.properties.get("name") or f"door {row}"), (nodes[edge.start].at, nodes[edge.end].at))
         for row, edge in enumerate(level.doors)
-        if level.vertices[edge.start].at != level.vertices[edge.end].at
     )
     walls = tuple((nodes[edge.start].at, nodes[edge.end].at) for edge in level.walls)
     used = {end for lane in lanes for end in (lane.start, lane.end)}

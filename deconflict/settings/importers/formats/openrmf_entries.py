@@ -59,10 +59,10 @@ def plan_levels(document: Mapping[str, Any], y_sign: float) -> dict[str, PlanLev
 
 def _level(name: str, table: Mapping[str, Any], y_sign: float) -> PlanLevel:
     where = f"levels.{name}"
-    vertices = tuple(_vertex(entry, at, y_sign) for at, entry in _entries(table, where, "vertices"))
+    vertices = tuple(_vertex(entry, at, y_sign) for at, entry in entries(table, where, "vertices"))
 
     def edges(part: str) -> tuple[PlanEdge, ...]:
-        return tuple(_edge(entry, at, len(vertices)) for at, entry in _entries(table, where, part))
+        return tuple(_edge(entry, at, len(vertices)) for at, entry in entries(table, where, part))
 
     return PlanLevel(
         name,
@@ -77,11 +77,12 @@ def _level(name: str, table: Mapping[str, Any], y_sign: float) -> PlanLevel:
     )
 
 
-def _entries(table: Mapping[str, Any], where: str, part: str) -> Iterator[tuple[str, Sequence[Any]]]:
-    entries = table.get(part) or ()
-    if not isinstance(entries, Sequence) or isinstance(entries, str):
-        raise PlanError(f"{where}.{part}: must be a list, not {shortened(entries)}")
-    for row, entry in enumerate(entries):
+def entries(table: Mapping[str, Any], where: str, part: str) -> Iterator[tuple[str, Sequence[Any]]]:
+    """Each entry of a list, after where it is."""
+    rows = table.get(part) or ()
+    if not isinstance(rows, Sequence) or isinstance(rows, str):
+        raise PlanError(f"{where}.{part}: must be a list, not {shortened(rows)}")
+    for row, entry in enumerate(rows):
         if not isinstance(entry, Sequence) or isinstance(entry, str):
             raise PlanError(f"{where}.{part}.{row}: must be a list, not {shortened(entry)}")
         yield f"{where}.{part}.{row}", entry
@@ -94,13 +95,13 @@ def _spot(entry: Sequence[Any], where: str, y_sign: float) -> Spot:
 
 
 def _vertex(entry: Sequence[Any], where: str, y_sign: float) -> PlanVertex:
-    name = entry[3] if len(entry) > 3 else ""
+    name = entry[3] if len(entry) > 3 and entry[3] is not None else ""
     return PlanVertex(_spot(entry, where, y_sign), str(name), _properties(entry[4:], where))
 
 
 def _fiducials(table: Mapping[str, Any], where: str, y_sign: float) -> dict[str, Spot]:
     found: dict[str, Spot] = {}
-    for at, entry in _entries(table, where, "fiducials"):
+    for at, entry in entries(table, where, "fiducials"):
         name = str(entry[2]) if len(entry) > 2 else ""
         if name in found:
             raise PlanError(f"{at}: the level has another fiducial {name!r}; rename or delete one")
@@ -111,7 +112,7 @@ def _fiducials(table: Mapping[str, Any], where: str, y_sign: float) -> dict[str,
 
 def _edge(entry: Sequence[Any], where: str, vertices: int) -> PlanEdge:
     rows = entry[:2]
-    if len(rows) < 2 or not all(isinstance(row, int) and 0 <= row < vertices for row in rows):
+    if len(rows) < 2 or not all(type(row) is int and 0 <= row < vertices for row in rows):
         raise PlanError(f"{where}: must begin with two vertices from 0 to {vertices - 1}, not {shortened(entry)}")
     return PlanEdge(rows[0], rows[1], _properties(entry[2:], where))
 

@@ -43,6 +43,14 @@ class Alignment:
         return placed.real, placed.imag
 
 
+def metric_frames(levels: Mapping[str, PlanLevel]) -> tuple[dict[str, LevelFrame], list[str]]:
+    """The frames of levels in metres, and what is doubtful."""
+    doubts: list[str] = []
+    for level in levels.values():
+        _compare(f"levels.{level.name}: its measurements and its metres", _measured(level, doubts), 1.0, doubts)
+    return {name: LevelFrame(lambda at: at) for name in levels}, doubts
+
+
 def drawn_frames(levels: Mapping[str, PlanLevel], reference: str) -> tuple[dict[str, LevelFrame], list[str]]:
     """The frames of levels in pixels, and what is doubtful. Raises `PlanError` where the geometry would be wrong."""
     doubts: list[str] = []

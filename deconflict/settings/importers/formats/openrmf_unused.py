@@ -72,7 +72,9 @@ def unused_parts(document: Mapping[str, Any], levels: Mapping[str, PlanLevel]) -
         yield UnusedParts(count_of(twice, "lane"), "the same as others, for another fleet")
     if points := sum(edge.start == edge.end for edge in lanes):
         yield UnusedParts(count_of(points, "lane"), "from a vertex to itself")
-    yield from _of_doors(levels)
+    doors = [edge for level in levels.values() for edge in level.doors]
+    if hinged := sum("hinged" in str(edge.properties.get("type")) for edge in doors):
+        yield UnusedParts(count_of(hinged, "swing of a door", "swings of doors"), "a door is drawn as its doorway")
     if zones := document.get("zones"):
         yield UnusedParts(
             count_of(len(zones), "zone"), "what it is for is not said in the plan; draw it in the site file"
@@ -105,15 +107,3 @@ def _repeated(lanes: tuple[PlanEdge, ...]) -> int:
         count += ways <= known
         known |= ways
     return count
-
-
-def _of_doors(levels: Mapping[str, PlanLevel]) -> Iterator[UnusedParts]:
-    doors = [
-        (level.vertices[edge.start].at, level.vertices[edge.end].at, edge)
-        for level in levels.values()
-        for edge in level.doors
-    ]
-    if hinged := sum("hinged" in str(edge.properties.get("type")) for _, _, edge in doors):
-        yield UnusedParts(count_of(hinged, "swing of a door", "swings of doors"), "a door is drawn as its doorway")
-    if narrow := sum(start == end for start, end, _ in doors):
-        yield UnusedParts(count_of(narrow, "door"), "without width")

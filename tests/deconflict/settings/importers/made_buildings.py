@@ -68,6 +68,26 @@ def _painter(factor: complex, shift: complex) -> Callable[[float, float], tuple[
     return paint
 
 
+def as_graph(building: Building) -> Building:
+    """The navigation graph of a building in metres: a lane in each direction, properties without types."""
+    levels = {}
+    for name, level in building["levels"].items():
+        vertices = [[x, y, {"name": label, **_untyped(rest)}] for x, y, _, label, *rest in level["vertices"]]
+        lanes = [
+            [*ends, {"speed_limit": 0.0}] for start, end, _ in level["lanes"] for ends in ((start, end), (end, start))
+        ]
+        levels[name] = {"vertices": vertices, "lanes": lanes}
+    lift = building["lifts"]["Lift"]
+    gates = {f"gate {name}": {"map": name, "endpoints": [[20.0, -9.0], [20.0, -11.0]]} for name in levels}
+    shaft = {"position": [lift["x"], lift["y"], lift["yaw"]], "dims": [lift["width"], lift["depth"]]}
+    return {"building_name": "works", "levels": levels, "doors": gates, "lifts": {"Lift": shaft}}
+
+
+def _untyped(rest: list[dict[str, Any]]) -> dict[str, Any]:
+    names = {"lift_cabin": "lift"}
+    return {names.get(key, key): value for properties in rest for key, (_, value) in properties.items()}
+
+
 def saved(building: Building, folder: Path) -> Path:
     path = folder / "works.building.json"
     path.write_text(json.dumps(building), encoding="utf-8")

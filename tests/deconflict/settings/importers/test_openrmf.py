@@ -8,9 +8,15 @@ import pytest
 import shapely
 
 from deconflict.settings.importers.drawing import DrawnSite
-from deconflict.settings.importers.plan import ImportedPlan, PlanError
+from deconflict.settings.importers.plan import ImportedPlan, PlanError, UnusedParts
 from deconflict.settings.importers.plan_reader import ImportedSite, imported_site
-from tests.deconflict.settings.importers.made_buildings import Building, in_metres, on_drawings, saved
+from tests.deconflict.settings.importers.made_buildings import (
+    Building,
+    as_graph,
+    in_metres,
+    on_drawings,
+    saved,
+)
 
 Change = Callable[[Building], Any]
 
@@ -147,8 +153,8 @@ def test_what_is_left_out_is_counted_by_kind(tmp_path: Path) -> None:
         level(building)["doors"] = [[3, 4, {"type": [1, "double_hinged"]}], [3, 3, {}]]
         building["zones"] = {"wait": {}}
 
-    reasons = left_out(imported(in_metres(), tmp_path, furnished).plan)
-    assert list(reasons) == [
+    found = imported(in_metres(), tmp_path, furnished)
+    assert list(left_out(found.plan)) == [
         "3 floor polygons",
         "3 x gardens",
         "3 image layers",
@@ -159,9 +165,10 @@ def test_what_is_left_out_is_counted_by_kind(tmp_path: Path) -> None:
         "1 speed limit",
         "1 lane",
         "1 swing of a door",
-        "1 door",
         "1 zone",
     ]
+    assert UnusedParts("1 door", "without width") in found.site.left_out
+    assert sum(zone.kind == "door" for zone in found.site.zones) == 3
 
 
 def degrees(building: Building, grid: str | None = "EPSG:32632") -> None:
@@ -214,6 +221,7 @@ MEASURED = [[0, 1, {"distance": [3, 12.0]}]]
         (put({"a": 1}, "vertices"), r"levels.Ground.vertices: must be a list"),
         (put([3, 4, {"name": "gate"}], "doors", 0), r"levels.Ground.doors.0: name must be \[type, value\], not 'gate'"),
         (put([3, 5, {}], "doors", 0), r"levels.Ground.doors.0: must begin with two vertices from 0 to 4, not \[3, 5"),
+        (put([True, 3], "lanes", 0), r"levels.Ground.lanes.0: must begin with two vertices from 0 to 4"),
         (put([-1, 3], "lanes", 0), r"levels.Ground.lanes.0: must begin with two vertices from 0 to 4"),
         (put("high", "elevation"), r"levels.Ground.elevation: must be a number"),
         (
@@ -268,6 +276,11 @@ def test_a_grid_that_gives_no_true_metres_is_refused(grid: str | None, message: 
         imported(in_metres(), tmp_path, lambda building: degrees(building, grid))
 
 
+def test_metres_that_measurements_contradict_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match=r"levels.Ground: its measurements and its metres contradict each other by 95%"):
+        imported(in_metres(), tmp_path, put([[0, 1, {"distance": [3, 0.6]}]], "measurements"))
+
+
 def test_places_in_degrees_are_on_the_globe(tmp_path: Path) -> None:
     with pytest.raises(PlanError, match=r"levels.Ground.vertices.0: must be longitude and latitude in degrees"):
         imported(in_metres(), tmp_path, degrees, put(200.0, "vertices", 0, 0))
@@ -280,3 +293,43 @@ def test_measurements_that_differ_a_little_are_said(metres: float, is_said: bool
     assert [doubt.partition(";")[0] for doubt in doubts] == (
         ["levels.Ground.measurements: 0 and the mean differ by 2.0%"] if is_said else []
     )
+
+
+def test_a_navigation_graph_gives_the_places_of_its_building(tmp_path: Path) -> None:
+    from_graph, from_building = imported(as_graph(in_metres()), tmp_path), imported(in_metres(), tmp_path)
+    assert from_graph.plan.format == "an Open-RMF navigation graph"
+    assert [datum.name for datum in from_graph.site.datums] == ["Ground", "Roof", "Upper"]
+    assert len(from_graph.plan.doubts) == 2
+    for name in ("Ground", "Roof", "Upper"):
+        found, wanted = (
+            {(kind, tuple(sorted(outline))) for datum in datums for kind, _, outline in site.drawn_on(datum.id)}
+            for site in (from_graph.site, from_building.site)
+            if (datums := [datum for datum in site.datums if datum.name == name])
+        )
+        assert found == {(kind, outline) for kind, outline in wanted if kind != "wall"}
+
+
+def test_a_graph_of_the_site_editor_has_docks_on_lanes_and_perhaps_no_lifts(tmp_path: Path) -> None:
+    graph = as_graph(in_metres())
+    level(graph)["vertices"][4][2]["name"] = "bay"
+    level(graph)["lanes"].append([3, 4, {"dock_name": "bay dock"}])
+    graph["lifts"]["Hoist"] = graph["lifts"]["Lift"]
+    plan = imported(graph, tmp_path).plan
+    assert [node.name for node in plan.levels[0].nodes if node.use == "dock"] == ["goods", "bay"]
+    assert [lift.name for lift in plan.lifts] == ["Lift"]
+    assert left_out(plan)["1 lift"] == "no vertex of the graph is in it"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (put([1.0, 2.0], "vertices", 1), r"levels.Ground.vertices.1: must be x, y and properties"),
+        (put([0, 1, "fast"], "lanes", 1), r"levels.Ground.lanes.1: must be a table, not 'fast'"),
+        (put([0], "lanes", 1), r"levels.Ground.lanes.1: must begin with two vertices from 0 to 6"),
+        (lambda graph: graph["doors"].update(hatch=1), r"doors.hatch: must be a table, not 1"),
+        (lambda graph: graph["lifts"]["Lift"].pop("dims"), r"lifts.Lift: must have x, y and yaw as position"),
+    ],
+)
+def test_faults_of_a_navigation_graph_are_named(change: Change, message: str, tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match=message):
+        imported(as_graph(in_metres()), tmp_path, change)
