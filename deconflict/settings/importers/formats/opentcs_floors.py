@@ -89,7 +89,10 @@ class PlantFloors:
             group = next(iter(found))
             if len(groups) > 1 and len(found) == owners[group] == 1 and self._groups.get(group):
                 names[key] = self._groups[group]
-        return names if are_maps or len(names) > 1 else dict.fromkeys(names, ONLY_FLOOR)
+        if len(names) == 1 and not are_maps:
+            return dict.fromkeys(names, ONLY_FLOOR)
+        given = Counter(names.values())
+        return {key: name if given[name] == 1 else f"{name} {key}" for key, name in names.items()}
 
     def _layer(self, point: Element) -> str:
         layout = point.find("pointLayout")

@@ -40,9 +40,9 @@ def curve(kind: str, *corners: tuple[int, int]) -> str:
     return f'<pathLayout connectionType="{kind}" layerId="0">{points}</pathLayout>'
 
 
-def imported(folder: Path, *parts: str) -> ImportedSite:
+def imported(folder: Path, *parts: str, layers: str = LAYERS) -> ImportedSite:
     file = folder / "hall.xml"
-    file.write_text(f'<model version="7.0.0" name="hall">{"".join(parts)}{LAYERS}</model>')
+    file.write_text(f'<model version="7.0.0" name="hall">{"".join(parts)}{layers}</model>')
     return imported_site(file, 1.2)
 
 
@@ -89,6 +89,9 @@ def test_groups_of_layers_are_floors_and_layers_of_one_group_are_not(tmp_path: P
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1), point("C", 0, 0, layer=2))
     assert floors(found) == [("Ground", ["A", "B"]), ("First", ["C"])]
     assert datums(found) == ["", ""]
+    twice = LAYERS.replace("First", "Ground")
+    found = imported(tmp_path, point("A", 0, 0), point("C", 0, 0, layer=2), layers=twice)
+    assert floors(found) == [("Ground 0", ["A"]), ("Ground 1", ["C"])]
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1))
     assert floors(found) == [("0", ["A", "B"])]
     assert left_out(found)["2 layers"].endswith("one floor")
@@ -107,7 +110,7 @@ def test_paths_that_no_vehicle_may_drive_are_counted(tmp_path: Path) -> None:
         path("B", "A", locked="true"),
         path("B", "C", maxVelocity="0"),
         path("C", "D", maxVelocity="0", maxReverseVelocity="500"),
-        path("D", "E", maxReverseVelocity="500"),
+        path("E", "D", maxReverseVelocity="500"),
         path("E", "gone"),
     ]
     found = imported(tmp_path, *points, *paths)
