@@ -39,7 +39,7 @@ def test_maps_are_floors_and_their_ids_are_those_that_robots_send(tmp_path: Path
     assert floors == [("hall", "1", 0), ("upper", "2", 1)]
     by_floor = Counter(place.datum for place in (*found.site.resources, *found.site.zones))
     assert by_floor == {"hall": 9, "upper": 2}
-    assert left_out(found)["1 way between two floors"].startswith("a lift or a ramp")
+    assert left_out(found)["1 way between two floors"].startswith("C to U1: a lift or a ramp")
 
 
 def test_stations_are_where_robots_stand_and_their_actions_say_what_for(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 
 from deconflict.settings.importers.formats.directed_ways import PlanGraph, unused
 from deconflict.settings.importers.formats.location_uses import use_of
-from deconflict.settings.importers.formats.opentcs_floors import PlantFloors
-from deconflict.settings.importers.formats.opentcs_paths import PlantPaths
+from deconflict.settings.importers.formats.opentcs.plant_floors import PlantFloors
+from deconflict.settings.importers.formats.opentcs.plant_paths import PlantPaths
 from deconflict.settings.importers.plan import Block, ImportedPlan, Node, PlanError, UnusedParts, Use
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
