@@ -89,18 +89,20 @@ def test_groups_of_layers_are_floors_and_layers_of_one_group_are_not(tmp_path: P
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1), point("C", 0, 0, layer=2))
     assert floors(found) == [("Ground", ["A", "B"]), ("First", ["C"])]
     assert datums(found) == ["", ""]
+    assert found.plan.doubts[0].startswith("groups of layers tell the floors, ")
     twice = LAYERS.replace("First", "Ground")
     found = imported(tmp_path, point("A", 0, 0), point("C", 0, 0, layer=2), layers=twice)
     assert floors(found) == [("Ground 0", ["A"]), ("Ground 1", ["C"])]
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1))
     assert floors(found) == [("0", ["A", "B"])]
-    assert left_out(found)["2 layers"].endswith("one floor")
+    assert found.plan.doubts[0].startswith("2 layers are one floor, ")
 
 
 def test_heights_tell_floors_if_nothing_else_does(tmp_path: Path) -> None:
     heights = {"A": 4.5, "B": 0.0, "C": 0.6, "D": 1.2}
     found = imported(tmp_path, *(point(name, row, 0, z_m=z_m) for row, (name, z_m) in enumerate(heights.items())))
     assert floors(found) == [("0", ["B", "C", "D"]), ("1", ["A"])]
+    assert found.plan.doubts[0].startswith("heights tell the floors, ")
 
 
 def test_paths_that_no_vehicle_may_drive_are_counted(tmp_path: Path) -> None:
@@ -183,10 +185,10 @@ def test_other_xml_is_named(text: str, message: str, tmp_path: Path) -> None:
 
 
 def test_the_outline_of_a_block_holds_its_curves(tmp_path: Path) -> None:
-    lane = path("A", "B", curve("POLYPATH", (100, -200)))
-    block = '<block name="K" type="SINGLE_VEHICLE_ONLY"><member name="A --- B"/></block>'
-    shared = '<block name="S" type="SAME_DIRECTION_ONLY"><member name="A --- B"/></block>'
+    lane = path("B", "A", curve("POLYPATH", (100, -200)), maxReverseVelocity="500")
+    block = '<block name="K" type="SINGLE_VEHICLE_ONLY"><member name="B --- A"/></block>'
+    shared = '<block name="S" type="SAME_DIRECTION_ONLY"><member name="B --- A"/></block>'
     found = imported(tmp_path, point("A", 0, 0), point("B", 10, 0), lane, block, shared)
-    (crossing,) = found.site.zones
+    crossing = found.site.zones[0]
     assert shapely.Polygon(crossing.polygon).contains(shapely.Point(5, 10))
     assert "1 block for one direction at a time" in left_out(found)

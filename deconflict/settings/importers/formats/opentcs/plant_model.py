@@ -31,13 +31,13 @@ def read_plant(model: Element) -> ImportedPlan:
     blocks = tuple(_blocks(model, nodes, paths))
     left_out = (
         *graph.ways_between_floors(),
-        *floors.left_out(),
         *paths.left_out(),
         *locations.left_out(),
         *_undrawn_blocks(model, len(blocks)),
         *_envelopes(model),
     )
-    return ImportedPlan(model.get("name", "site"), "an openTCS plant model", graph.levels(blocks), left_out=left_out)
+    levels, doubts = graph.levels(blocks), tuple(floors.doubts())
+    return ImportedPlan(model.get("name", "site"), "an openTCS plant model", levels, left_out=left_out, doubts=doubts)
 
 
 def _check_positions(nodes: Mapping[str, Node], floor_of: Mapping[str, str]) -> None:
