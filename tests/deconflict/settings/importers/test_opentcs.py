@@ -130,6 +130,8 @@ def test_a_curve_is_followed_where_its_drawing_fits(tmp_path: Path) -> None:
     aside = imported(tmp_path, ends[0], point("B", 10, 10, drawn=far_off), bezier)
     assert aside.plan.levels[0].lanes[0].bends == ()
     assert "1 curve of a path" in left_out(aside)
+    old = '<visualLayout><modelLayoutElement><property name="CONTROL_POINTS" value="2,0;2,0"/></modelLayoutElement>'
+    assert "1 curve of a path" in left_out(imported(tmp_path, *ends, path("A", "B"), layers=f"{old}</visualLayout>"))
     far = path("A", "B", curve("BEZIER", (2000, 0), (2000, 0)))
     assert "1 curve of a path" in left_out(imported(tmp_path, *ends, far))
 
