@@ -73,7 +73,7 @@ def check(
     """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
 
     `verify` gives a sentence for each reason why this machine can't serve the site; it raises `SecretError` or
-    `CertificateError`. `needs` says what the site needs of the machine. Maps are compared with what is driven by `logs`.
+    `CertificateError`. `needs` says what the site needs of the machine. Maps are compared with driving in `logs`.
     """
     try:
         site = load(path)

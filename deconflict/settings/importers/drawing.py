@@ -87,7 +87,8 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
 def _undrawn(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
     if narrow := sum(dist(*door.ends) <= NARROWEST_M for level in plan.levels for door in level.doors):
         yield UnusedParts(count_of(narrow, "door"), "without width")
-    lanes = [(_way(lane, _spots(level)), lane.two_way) for level in plan.levels for lane in level.lanes]
+    by_level = [(_spots(level), level.lanes) for level in plan.levels]
+    lanes = [(_way(lane, at), lane.two_way) for at, found in by_level for lane in found]
     if one_way := sum(not two_way for _, two_way in lanes):
         yield UnusedParts(count_of(one_way, "one-way lane"), "robots do not meet head-on there")
     if short := sum(two_way and _is_short(way, width_m) for way, two_way in lanes):
@@ -176,8 +177,8 @@ def _straight_parts(way: tuple[Spot, ...], width_m: float) -> Iterator[tuple[Spo
     A part in which two robots have no room one behind the other stays with its neighbour.
     """
     axis = shapely.LineString((way[0], way[-1]))
-    beside_m = [axis.distance(shapely.Point(spot)) for spot in way]
-    if max(beside_m) > width_m / 2:
+    beside_m = shapely.distance(axis, shapely.points(way))
+    if beside_m.max() > width_m / 2:
         for row in sorted(range(1, len(way) - 1), key=lambda row: -beside_m[row]):
             before, after = way[: row + 1], way[row:]
             if not _is_short(before, width_m) and not _is_short(after, width_m):

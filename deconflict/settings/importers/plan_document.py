@@ -95,7 +95,7 @@ def _other_thing(document: Any) -> str | None:
         other = f"is XML, but no openTCS plant model, whose outermost element is <model>; found <{name}>"
         return None if name == PLANT else XML_KINDS.get(name, other)
     if not isinstance(document, Mapping):
-        return "has no levels; expected an Open-RMF building file or an openTCS plant model"
+        return "has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
     if document.get("type") == "FeatureCollection":
         return f"is GeoJSON; {TRAFFIC_EDITOR}"
     if "format_version" in document and "anchors" in document:

@@ -6,11 +6,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from deconflict.settings.importers.drawing import DrawnSite, drawn_site
-from deconflict.settings.importers.formats.lif import is_lif, read_lif
+from deconflict.settings.importers.formats.lif.lif_layouts import is_lif, read_lif
 from deconflict.settings.importers.formats.metres import read_layout
-from deconflict.settings.importers.formats.openrmf import read_building
-from deconflict.settings.importers.formats.openrmf_graphs import is_graph, read_graph
-from deconflict.settings.importers.formats.opentcs import read_plant
+from deconflict.settings.importers.formats.openrmf.buildings import read_building
+from deconflict.settings.importers.formats.openrmf.rmf_graphs import is_graph, read_graph
+from deconflict.settings.importers.formats.opentcs.plant_model import read_plant
 from deconflict.settings.importers.plan import ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
 from ingest.settings import Section

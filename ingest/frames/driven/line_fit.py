@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Floats, Ints
 from ingest.frames.driven.driven_places import DrivenPlaces
 from ingest.frames.driven.known_lines import KnownLines, OnLines, worth_of
 
@@ -186,9 +186,7 @@ def _mean_line(turns: Floats) -> float:
     return float(np.angle(np.exp(2j * turns).mean()) / 2) if len(turns) else 0.0
 
 
-def _by_lines(
-    design: Floats, off_m: Floats, weights: Floats, line: Ints, block: Ints
-) -> tuple[Floats, Floats]:
+def _by_lines(design: Floats, off_m: Floats, weights: Floats, line: Ints, block: Ints) -> tuple[Floats, Floats]:
     """The unknowns and their covariance, from the means of blocks with an error of each line and of each block."""
     _, group = np.unique(np.column_stack([line, block]), axis=0, return_inverse=True)
     group = group.ravel()

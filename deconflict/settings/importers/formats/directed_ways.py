@@ -10,6 +10,8 @@ from deconflict_client.counted_nouns import count_of
 
 ONE_LANE_M = 0.5
 """Two ways between the same nodes that are no farther apart are one lane."""
+MOST_NAMED = 3
+"""So many ways between two floors are named by their ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +60,13 @@ class PlanGraph:
 
     def ways_between_floors(self) -> Iterator[UnusedParts]:
         between = {
-            frozenset((way.start, way.end)) for way in self.ways if self.floor_of[way.start] != self.floor_of[way.end]
+            tuple(sorted((way.start, way.end)))
+            for way in self.ways
+            if self.floor_of[way.start] != self.floor_of[way.end]
         }
-        reason = "a lift or a ramp; if it is a lift, add a resource of kind lift with a cabin on each floor"
+        named = ", ".join(" to ".join(ends) for ends in sorted(between)[:MOST_NAMED])
+        more = ", ..." if len(between) > MOST_NAMED else ""
+        reason = f"{named}{more}: a lift or a ramp; add a lift as a resource with a cabin on each floor"
         yield from unused(len(between), "way between two floors", reason, "ways between two floors")
 
     def _lanes(self, key: str) -> tuple[Lane, ...]:

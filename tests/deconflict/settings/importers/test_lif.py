@@ -14,7 +14,8 @@ from deconflict.settings.importers.plan_reader import ImportedSite, imported_sit
 from deconflict.settings.shared_places import Resource, Zone
 from tests.deconflict.settings.importers.made_plans import LIF, lif_curve, lif_edge, lif_file, lif_layout, lif_node
 
-CLOSED = {"degree": 1, "controlPoints": [{"x": 1, "y": 0}, {"x": 19, "y": 0}]}
+LATE = {"degree": 1, "controlPoints": [{"x": 1, "y": 0}, {"x": 20, "y": 0}]}
+SHORT = {"degree": 1, "controlPoints": [{"x": 20, "y": 0}, {"x": 1, "y": 0}]}
 
 
 def imported(folder: Path, document: dict[str, Any]) -> ImportedSite:
@@ -38,7 +39,7 @@ def test_maps_are_floors_and_their_ids_are_those_that_robots_send(tmp_path: Path
     assert floors == [("hall", "1", 0), ("upper", "2", 1)]
     by_floor = Counter(place.datum for place in (*found.site.resources, *found.site.zones))
     assert by_floor == {"hall": 9, "upper": 2}
-    assert left_out(found)["1 way between two floors"].startswith("a lift or a ramp")
+    assert left_out(found)["1 way between two floors"].startswith("C to U1: a lift or a ramp")
 
 
 def test_stations_are_where_robots_stand_and_their_actions_say_what_for(tmp_path: Path) -> None:
@@ -86,10 +87,11 @@ def test_what_edges_say_beside_their_line_is_named(tmp_path: Path) -> None:
     assert found["10 edges with limits or actions"].startswith("maxSpeed, rotationAllowed: ")
     assert "1 edge" in found
     types = lif_edge("A", "B")
-    types["vehicleTypeEdgeProperties"].append({"vehicleTypeId": "truck", "trajectory": CLOSED})
+    types["vehicleTypeEdgeProperties"].append({"vehicleTypeId": "truck", "trajectory": LATE})
     document = lif_file(lif_layout("hall", "1", [lif_node("A", 0, 0), lif_node("B", 20, 0)], [types]))
+    document["layouts"][0]["edges"].append(lif_edge("B", "A", trajectory=SHORT))
     found = left_out(imported(tmp_path, document))
-    assert {"1 curve of an edge", "which of 2 types of robots use a lane"} <= found.keys()
+    assert {"2 curves of edges", "which of 2 types of robots use a lane"} <= found.keys()
 
 
 def test_version_2_is_read_like_version_1(tmp_path: Path) -> None:

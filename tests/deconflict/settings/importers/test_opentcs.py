@@ -40,9 +40,9 @@ def curve(kind: str, *corners: tuple[int, int]) -> str:
     return f'<pathLayout connectionType="{kind}" layerId="0">{points}</pathLayout>'
 
 
-def imported(folder: Path, *parts: str) -> ImportedSite:
+def imported(folder: Path, *parts: str, layers: str = LAYERS) -> ImportedSite:
     file = folder / "hall.xml"
-    file.write_text(f'<model version="7.0.0" name="hall">{"".join(parts)}{LAYERS}</model>')
+    file.write_text(f'<model version="7.0.0" name="hall">{"".join(parts)}{layers}</model>')
     return imported_site(file, 1.2)
 
 
@@ -89,15 +89,20 @@ def test_groups_of_layers_are_floors_and_layers_of_one_group_are_not(tmp_path: P
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1), point("C", 0, 0, layer=2))
     assert floors(found) == [("Ground", ["A", "B"]), ("First", ["C"])]
     assert datums(found) == ["", ""]
+    assert found.plan.doubts[0].startswith("groups of layers tell the floors, ")
+    twice = LAYERS.replace("First", "Ground")
+    found = imported(tmp_path, point("A", 0, 0), point("C", 0, 0, layer=2), layers=twice)
+    assert floors(found) == [("Ground 0", ["A"]), ("Ground 1", ["C"])]
     found = imported(tmp_path, point("A", 0, 0), point("B", 9, 0, layer=1))
     assert floors(found) == [("0", ["A", "B"])]
-    assert left_out(found)["2 layers"].endswith("one floor")
+    assert found.plan.doubts[0].startswith("2 layers are one floor, ")
 
 
 def test_heights_tell_floors_if_nothing_else_does(tmp_path: Path) -> None:
     heights = {"A": 4.5, "B": 0.0, "C": 0.6, "D": 1.2}
     found = imported(tmp_path, *(point(name, row, 0, z_m=z_m) for row, (name, z_m) in enumerate(heights.items())))
     assert floors(found) == [("0", ["B", "C", "D"]), ("1", ["A"])]
+    assert found.plan.doubts[0].startswith("heights tell the floors, ")
 
 
 def test_paths_that_no_vehicle_may_drive_are_counted(tmp_path: Path) -> None:
@@ -107,7 +112,7 @@ def test_paths_that_no_vehicle_may_drive_are_counted(tmp_path: Path) -> None:
         path("B", "A", locked="true"),
         path("B", "C", maxVelocity="0"),
         path("C", "D", maxVelocity="0", maxReverseVelocity="500"),
-        path("D", "E", maxReverseVelocity="500"),
+        path("E", "D", maxReverseVelocity="500"),
         path("E", "gone"),
     ]
     found = imported(tmp_path, *points, *paths)
@@ -125,6 +130,8 @@ def test_a_curve_is_followed_where_its_drawing_fits(tmp_path: Path) -> None:
     aside = imported(tmp_path, ends[0], point("B", 10, 10, drawn=far_off), bezier)
     assert aside.plan.levels[0].lanes[0].bends == ()
     assert "1 curve of a path" in left_out(aside)
+    old = '<visualLayout><modelLayoutElement><property name="CONTROL_POINTS" value="2,0;2,0"/></modelLayoutElement>'
+    assert "1 curve of a path" in left_out(imported(tmp_path, *ends, path("A", "B"), layers=f"{old}</visualLayout>"))
     far = path("A", "B", curve("BEZIER", (2000, 0), (2000, 0)))
     assert "1 curve of a path" in left_out(imported(tmp_path, *ends, far))
 
@@ -180,10 +187,10 @@ def test_other_xml_is_named(text: str, message: str, tmp_path: Path) -> None:
 
 
 def test_the_outline_of_a_block_holds_its_curves(tmp_path: Path) -> None:
-    lane = path("A", "B", curve("POLYPATH", (100, -200)))
-    block = '<block name="K" type="SINGLE_VEHICLE_ONLY"><member name="A --- B"/></block>'
-    shared = '<block name="S" type="SAME_DIRECTION_ONLY"><member name="A --- B"/></block>'
+    lane = path("B", "A", curve("POLYPATH", (100, -200)), maxReverseVelocity="500")
+    block = '<block name="K" type="SINGLE_VEHICLE_ONLY"><member name="B --- A"/></block>'
+    shared = '<block name="S" type="SAME_DIRECTION_ONLY"><member name="B --- A"/></block>'
     found = imported(tmp_path, point("A", 0, 0), point("B", 10, 0), lane, block, shared)
-    (crossing,) = found.site.zones
+    crossing = found.site.zones[0]
     assert shapely.Polygon(crossing.polygon).contains(shapely.Point(5, 10))
     assert "1 block for one direction at a time" in left_out(found)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from statistics import fmean
 
-from deconflict.settings.importers.formats.openrmf_entries import PlanLevel, number
+from deconflict.settings.importers.formats.openrmf.rmf_entries import PlanLevel, number
 from deconflict.settings.importers.plan import PlanError, Spot
 
 RESIDUAL_M = 0.25

@@ -15,7 +15,7 @@ from typing import Any
 import shapely
 
 from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way, unused
-from deconflict.settings.importers.formats.lif_edges import LifEdges, properties
+from deconflict.settings.importers.formats.lif.lif_edges import LifEdges, properties
 from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import ImportedPlan, Node, PlanError, Spot, UnusedParts
 
@@ -57,13 +57,14 @@ class _Layout:
     level: str
     """Empty if the layout does not say it."""
     label: str
+    maps: frozenset[str]
+    """The maps that its nodes name."""
 
     def map_of(self, node: Table) -> str:
         """The map of a node; that of all others in the layout if it has none itself; empty if none has one."""
-        maps = {str(each["mapId"]) for each in self.table["nodes"] if each.get("mapId")}
-        if node.get("mapId") or len(maps) < 2:
-            return str(node.get("mapId") or next(iter(maps), ""))
-        named = ", ".join(sorted(maps))
+        if node.get("mapId") or len(self.maps) < 2:
+            return str(node.get("mapId") or next(iter(self.maps), ""))
+        named = ", ".join(sorted(self.maps))
         raise PlanError(f"node {node['nodeId']!r} has no mapId, and its layout has several ({named}); expected one")
 
     def floor_of(self, node: Table) -> str:
@@ -79,7 +80,9 @@ def _layouts(document: Table) -> Iterator[_Layout]:
     layouts = []
     for origin, table in tables:
         level = str(table.get("layoutLevelId") or "")
-        layouts.append(_Layout(table, origin, level, str(table.get("layoutName") or level or table["layoutId"])))
+        label = str(table.get("layoutName") or level or table["layoutId"])
+        maps = frozenset(str(node["mapId"]) for node in table.get("nodes") or () if node.get("mapId"))
+        layouts.append(_Layout(table, origin, level, label, maps))
     are_numbers = all(layout.level.removeprefix("-").isdecimal() for layout in layouts)
     yield from sorted(layouts, key=lambda layout: int(layout.level)) if are_numbers else layouts
 
@@ -159,7 +162,7 @@ def _check_unit(ways: tuple[Way, ...], nodes: Mapping[str, Node]) -> None:
     lengths_m = [dist(nodes[way.start].at, nodes[way.end].at) for way in ways]
     if lengths_m and (usual_m := median(lengths_m)) > LONGEST_USUAL_M:
         raise PlanError(
-            f"edges are {usual_m:,.0f} m long by half: LIF is in metres, and these look like millimetres; "
+            f"half of the edges are {usual_m:,.0f} m long or more: LIF is in metres, and these look like millimetres; "
             "export the layout in metres"
         )
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import Any
 
-from deconflict.settings.importers.formats.openrmf_entries import PlanLevel
+from deconflict.settings.importers.formats.openrmf.rmf_entries import PlanLevel
 from deconflict.settings.importers.plan import PlanError, Spot
 
 STRETCHED = 0.01

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from deconflict.settings.importers.formats.openrmf import METRES, read_building
-from deconflict.settings.importers.formats.openrmf_entries import entries, mapping
+from deconflict.settings.importers.formats.openrmf.buildings import METRES, read_building
+from deconflict.settings.importers.formats.openrmf.rmf_entries import entries, mapping
 from deconflict.settings.importers.plan import ImportedPlan, PlanError, UnusedParts
 from deconflict_client.counted_nouns import count_of
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from deconflict.settings.importers.formats.openrmf_entries import PlanEdge, PlanLevel
+from deconflict.settings.importers.formats.openrmf.rmf_entries import PlanEdge, PlanLevel
 from deconflict.settings.importers.plan import UnusedParts
 from deconflict_client.counted_nouns import count_of
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import dist, hypot
 from typing import Any
 
-from deconflict.settings.importers.formats.openrmf_entries import mapping, number
-from deconflict.settings.importers.formats.openrmf_frames import LevelFrame
+from deconflict.settings.importers.formats.openrmf.rmf_entries import mapping, number
+from deconflict.settings.importers.formats.openrmf.rmf_frames import LevelFrame
 from deconflict.settings.importers.plan import Level, Lift, PlanError, Spot, UnusedParts
 from deconflict_client.counted_nouns import count_of
 

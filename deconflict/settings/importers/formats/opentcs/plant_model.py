@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 
 from deconflict.settings.importers.formats.directed_ways import PlanGraph, unused
 from deconflict.settings.importers.formats.location_uses import use_of
-from deconflict.settings.importers.formats.opentcs_floors import PlantFloors
-from deconflict.settings.importers.formats.opentcs_paths import PlantPaths
+from deconflict.settings.importers.formats.opentcs.plant_floors import PlantFloors
+from deconflict.settings.importers.formats.opentcs.plant_paths import PlantPaths
 from deconflict.settings.importers.plan import Block, ImportedPlan, Node, PlanError, UnusedParts, Use
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
@@ -31,13 +31,13 @@ def read_plant(model: Element) -> ImportedPlan:
     blocks = tuple(_blocks(model, nodes, paths))
     left_out = (
         *graph.ways_between_floors(),
-        *floors.left_out(),
         *paths.left_out(),
         *locations.left_out(),
         *_undrawn_blocks(model, len(blocks)),
         *_envelopes(model),
     )
-    return ImportedPlan(model.get("name", "site"), "an openTCS plant model", graph.levels(blocks), left_out=left_out)
+    levels, doubts = graph.levels(blocks), tuple(floors.doubts())
+    return ImportedPlan(model.get("name", "site"), "an openTCS plant model", levels, left_out=left_out, doubts=doubts)
 
 
 def _check_positions(nodes: Mapping[str, Node], floor_of: Mapping[str, str]) -> None:

@@ -7,11 +7,11 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from deconflict.settings.importers.formats.openrmf_entries import PlanLevel, Properties, mapping, plan_levels
-from deconflict.settings.importers.formats.openrmf_frames import LevelFrame, drawn_frames, metric_frames
-from deconflict.settings.importers.formats.openrmf_globe import grid_of
-from deconflict.settings.importers.formats.openrmf_lifts import RmfLifts
-from deconflict.settings.importers.formats.openrmf_unused import unused_parts
+from deconflict.settings.importers.formats.openrmf.rmf_entries import PlanLevel, Properties, mapping, plan_levels
+from deconflict.settings.importers.formats.openrmf.rmf_frames import LevelFrame, drawn_frames, metric_frames
+from deconflict.settings.importers.formats.openrmf.rmf_globe import grid_of
+from deconflict.settings.importers.formats.openrmf.rmf_lifts import RmfLifts
+from deconflict.settings.importers.formats.openrmf.rmf_unused import unused_parts
 from deconflict.settings.importers.plan import Block, Door, ImportedPlan, Lane, Level, Node, PlanError, Use
 
 IMAGE, METRES, GLOBE = "reference_image", "cartesian_meters", "wgs84"

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from xml.etree.ElementTree import Element
 
-from deconflict.settings.importers.formats.directed_ways import Floor, unused
-from deconflict.settings.importers.plan import PlanError, UnusedParts
+from deconflict.settings.importers.formats.directed_ways import Floor
+from deconflict.settings.importers.plan import PlanError
 
 MAP = "vda5050:mapId"
 """The property that names the map of a point, or of the points where a vehicle drives."""
@@ -26,17 +26,21 @@ class PlantFloors:
         self._layers = {layer.get("id", ""): layer for layer in model.iter("layer")}
         self._groups = {group.get("id", ""): group.get("name", "") for group in model.iter("layerGroup")}
         maps = self._maps(model)
-        self.floor_of = maps or self._by_group() or self._by_height()
+        groups = {} if maps else self._by_group()
+        self.floor_of = maps or groups or self._by_height()
         """The key of each point's floor."""
         self.floors = {key: Floor(name, key if maps else "") for key, name in self._names(bool(maps)).items()}
         """By key, from the lowest."""
-        self._are_layers_told = bool(maps) or len(self.floors) > 1
+        self._sign = "" if maps else "groups of layers" if groups else "heights" if len(self.floors) > 1 else ""
+        self._are_maps_given = bool(maps)
 
-    def left_out(self) -> Iterator[UnusedParts]:
+    def doubts(self) -> Iterator[str]:
+        """What a person should look at, where no map of a point tells its floor."""
+        if self._sign:
+            yield f"{self._sign} tell the floors, for points have no {MAP}; compare them with the building"
         layers = {self._layer(point) for point in self._points.values()}
-        if not self._are_layers_told and len(layers) > 1:
-            reason = f"points have neither {MAP}, nor groups of layers, nor heights that tell floors: one floor"
-            yield from unused(len(layers), "layer", reason)
+        if not self._are_maps_given and not self._sign and len(layers) > 1:
+            yield f"{len(layers)} layers are one floor, for their points have neither {MAP} nor heights that differ"
 
     def _maps(self, model: Element) -> dict[str, str]:
         """The map of each point; empty if none is given.
@@ -89,7 +93,10 @@ class PlantFloors:
             group = next(iter(found))
             if len(groups) > 1 and len(found) == owners[group] == 1 and self._groups.get(group):
                 names[key] = self._groups[group]
-        return names if are_maps or len(names) > 1 else dict.fromkeys(names, ONLY_FLOOR)
+        if len(names) == 1 and not are_maps:
+            return dict.fromkeys(names, ONLY_FLOOR)
+        given = Counter(names.values())
+        return {key: name if given[name] == 1 else f"{name} {key}" for key, name in names.items()}
 
     def _layer(self, point: Element) -> str:
         layout = point.find("pointLayout")

@@ -1,0 +1,1 @@
+"""LIF, the layout interchange format of the VDMA."""

@@ -1,0 +1,1 @@
+"""Reads buildings and navigation graphs of Open-RMF."""
