@@ -136,12 +136,13 @@ class LogReader:
             for file in segments(path):
                 with opened_log(file) as stored:
                     self._file = stored
-                    yield from self._events(file, unpacked(stored))
+                    yield from self._events(file, stored)
                     self._finished_bytes, self._file = self.bytes_read, None
 
-    def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
+    def _events(self, file: Path, stored: IO[bytes]) -> Iterator[Event]:
         number = 0
         try:
+            lines = unpacked(stored)
             while line := lines.readline(LONGEST_LINE):
                 number += 1
                 if not line.isspace():

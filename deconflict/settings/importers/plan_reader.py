@@ -3,7 +3,10 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
+from math import inf
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from deconflict.settings.importers.drawing import DrawnSite, drawn_site
@@ -18,6 +21,8 @@ from ingest.settings import Section
 WIDTH_M = 1.2
 WIDTHS_M = 0.1, 100
 """The range of widths that a person may give."""
+FARTHEST_M = 1e8
+"""No coordinate on Earth is larger, in metres."""
 
 HEAD = """\
 # From {file}. Complete what the plan does not contain:
@@ -42,11 +47,12 @@ def imported_site(path: Path, width_m: float) -> ImportedSite:
     """The plan in `path`. `width_m` is the width of lanes and places, metres. Raises `PlanError`."""
     try:
         plan = read_plan(path)
+        _check_places(plan, path)
+        site = drawn_site(plan, width_m)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         if isinstance(error, PlanError):
             raise
         raise PlanError(f"{path}: does not have the structure of its format: {type(error).__name__} {error}") from error
-    site = drawn_site(plan, width_m)
     return ImportedSite(plan, site, toml(site, HEAD.format(file=path.name, width=width_m)))
 
 
@@ -66,7 +72,34 @@ def read_plan(path: Path) -> ImportedPlan:
         raise PlanError(f"{path}: can't be read: {error}") from error
     if not isinstance(document, dict) or "levels" not in document:
         raise PlanError(f"{path}: has no levels; expected an Open-RMF building file or an openTCS plant model")
+    if _size(document, {}) > len(text):
+        raise PlanError(f"{path}: can't be read: it names parts of itself again and again (anchors of YAML)")
     return read_building(document) if isinstance(document["levels"], dict) else read_layout(document)
+
+
+def _size(value: Any, known: dict[int, float]) -> float:
+    """Letters and values, each as often as it is named: no more than letters of the file, unless anchors repeat them.
+
+    It is infinite if a value contains itself. Raises `RecursionError`.
+    """
+    if not isinstance(value, dict | list):
+        return max(len(value), 1) if isinstance(value, str) else 1
+    if id(value) not in known:
+        known[id(value)] = inf
+        known[id(value)] = 1 + sum(
+            _size(each, known) for each in (value.values() if isinstance(value, dict) else value)
+        )
+    return known[id(value)]
+
+
+def _check_places(plan: ImportedPlan, path: Path) -> None:
+    """Raises `PlanError` if a coordinate is not a number, or too large to be drawn."""
+    for level in plan.levels:
+        bends, doors = (lane.bends for lane in level.lanes), (door.ends for door in level.doors)
+        spots = chain((node.at for node in level.nodes), *bends, *doors, *level.walls)
+        lifts = ((*lift.at, *lift.size_m) for lift in plan.lifts if lift.level == level.name)
+        if not all(abs(number) <= FARTHEST_M for number in chain(*spots, *lifts)):
+            raise PlanError(f"{path}: level {level.name!r}: a coordinate is no number, or beyond {FARTHEST_M:.0e} m")
 
 
 def toml(site: DrawnSite, head: str) -> str:
