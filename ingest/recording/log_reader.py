@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BufferedReader
 from math import inf
 from operator import attrgetter
 from pathlib import Path
@@ -139,7 +140,7 @@ class LogReader:
                     yield from self._events(file, stored)
                     self._finished_bytes, self._file = self.bytes_read, None
 
-    def _events(self, file: Path, stored: IO[bytes]) -> Iterator[Event]:
+    def _events(self, file: Path, stored: BufferedReader) -> Iterator[Event]:
         number = 0
         try:
             lines = unpacked(stored)
