@@ -111,6 +111,8 @@ class Client:
         `authority` is a PEM file with the authority of an `https` port's certificate; None for the system's.
         Raises `OSError` if that file can't be read.
         """
+        if authority and not authority.is_file():
+            raise FileNotFoundError(f"{authority} is no file")  # a pipe would be waited for
         self._headers = {"authorization": f"Bearer {token}"} if token else {}
         self._tls = ssl.create_default_context(cafile=authority) if url.startswith("https:") else None
         self._http = httpx.AsyncClient(base_url=url, headers=self._headers, verify=self._tls or True)

@@ -64,7 +64,7 @@ def opened(path: Path, flags: int = os.O_RDONLY, most_bytes: int | None = MOST_B
 def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """The content of a file. Raises `UnfitFileError` and other `OSError`."""
     with opened(path, most_bytes=most_bytes) as file:
-        return file.read(most_bytes + 1)
+        return file.read(most_bytes + 1) or b""
 
 
 def opened_stream(path: Path) -> io.FileIO:

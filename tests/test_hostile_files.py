@@ -11,6 +11,7 @@ import pytest
 
 from deconflict import __main__
 from deconflict.runtime.command_parsers import MISUSED
+from deconflict.settings.site_file import SiteError, site_from_toml
 
 DEEP = 200_000
 LONGEST_S = 20
@@ -31,6 +32,14 @@ CONTENTS = {
     "broken.jsonl.zst": b"\x28\xb5\x2f\xfd" + b"\xfe" * 100,
     "line.jsonl": b"x" * (20 << 20),
     "box.jsonl": b'{"before":"' + b"0" * 64 + b'","blackbox":{"format":2,"site":1}}\n',
+}
+PLANS = {
+    "repeated.yaml": b"a: &a [b, b]\n"
+    + b"".join(b"%c: &%c [*%c, *%c]\n" % (n + 1, n + 1, n, n) for n in range(97, 121))
+    + b"levels: *y\n",
+    "itself.yaml": b"levels: &a {L1: *a}",
+    "nowhere.xml": b"<model version='4.0.0' name='x'><point name='a' xPosition='1e308' yPosition='NaN'/>"
+    b"<path name='c' sourcePoint='a' destinationPoint='a'/></model>",
 }
 FILES = [*CONTENTS, "pipe.jsonl", "folder", "/dev/zero"]
 COMMANDS = [
@@ -100,6 +109,30 @@ def test_a_hostile_file_is_answered_with_a_sentence(
     if (command[0], file) in HARMLESS:
         return
     monkeypatch.chdir(hostile)
+    code, _ = run(command, file, monkeypatch, capsys)
+    assert code == MISUSED or (code == 0 and command[:2] == ["site", "suggest"])  # without messages: no places
+
+
+@pytest.mark.parametrize("file", PLANS)
+def test_a_plan_that_repeats_itself_or_is_nowhere_is_answered_with_a_sentence(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(file).write_bytes(PLANS[file])
+    code, printed = run(["site", "import", "FILE"], file, monkeypatch, capsys)
+    assert (code, printed.count("\n")) == (MISUSED, 1)
+
+
+@pytest.mark.parametrize("text", [".".join(["a"] * 50_000) + "=1", "[" + " . ".join(['"a b"'] * 50_000) + "]"])
+def test_a_key_of_many_parts_is_refused_at_once(text: str) -> None:
+    with ends_soon(), pytest.raises(SiteError, match="too many parts"):
+        site_from_toml(text.encode(), Path("site.toml"))
+
+
+def run(
+    command: list[str], file: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
+    """Exit code, and what was printed."""
     words = [part.replace("FILE", file) for part in command]
     assert __main__.parser().parse_args(words).run
     monkeypatch.setattr("sys.argv", ["deconflict", *words])
@@ -108,7 +141,7 @@ def test_a_hostile_file_is_answered_with_a_sentence(
             code = __main__.main()
         except SystemExit as ended:
             code = int(ended.code or 0)
-    printed = capsys.readouterr()
-    assert (printed.out + printed.err).strip()
-    assert "RecursionError" not in printed.out + printed.err
-    assert code == MISUSED or (code == 0 and command[:2] == ["site", "suggest"])  # without messages: no places
+    printed = "".join(capsys.readouterr())
+    assert printed.strip()
+    assert "RecursionError" not in printed
+    return code, printed

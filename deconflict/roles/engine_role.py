@@ -206,6 +206,7 @@ class EngineRole:
                 self._judge.add(batch.now_s, batch, bands_m, revisions, waiting)
         except Exception:
             log.exception("warnings can't be judged, which should be reported; they are judged anew")
+            engine.measures.count("deconflict_judge_failures_total")
             self._judge = self._judge_of(engine)
 
     def _advise(self, engine: Engine, now_s: float) -> None:

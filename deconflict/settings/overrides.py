@@ -1,12 +1,11 @@
 """Overrides of single settings: `clearance=0.4`, `conflict.warning_s=6`, `reading.forget_after_s=120`."""
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from typing import Any
 
 from deconflict.settings.site import Site
-from deconflict.settings.site_file import SiteError, site_from_document
+from deconflict.settings.site_file import SiteError, parsed_toml, site_from_document
 
 MOST_GUESSES = 2
 UNITS = ("_m", "_s", "_mps", "_rad", "_pct", "_bytes", "_days")
@@ -72,6 +71,6 @@ def _without_unit(key: str) -> str:
 
 def _value(name: str, text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return parsed_toml(f"value = {text}")["value"]
     except (ValueError, RecursionError) as error:
         raise SiteError([f"{name}: {text!r} is not a TOML value ({error}); texts need quotes"]) from error

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BufferedReader
 from math import inf
 from operator import attrgetter
 from pathlib import Path
@@ -136,12 +137,13 @@ class LogReader:
             for file in segments(path):
                 with opened_log(file) as stored:
                     self._file = stored
-                    yield from self._events(file, unpacked(stored))
+                    yield from self._events(file, stored)
                     self._finished_bytes, self._file = self.bytes_read, None
 
-    def _events(self, file: Path, lines: IO[bytes]) -> Iterator[Event]:
+    def _events(self, file: Path, stored: BufferedReader) -> Iterator[Event]:
         number = 0
         try:
+            lines = unpacked(stored)
             while line := lines.readline(LONGEST_LINE):
                 number += 1
                 if not line.isspace():

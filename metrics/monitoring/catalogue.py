@@ -116,6 +116,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_advice_late_total": counter("Requests for advice whose answer came after its deadline."),
     "deconflict_situation_failures_total": counter("Passes in which situations could not be made, and began anew."),
     "deconflict_advice_failures_total": counter("Requests for advice that ended in an error."),
+    "deconflict_judge_failures_total": counter("Passes whose warnings could not be judged, and were judged anew."),
     "deconflict_advice_solve_seconds": histogram("Time to compute the advice for one request."),
     "deconflict_message_to_advisory_seconds": histogram(
         "Time from the arrival of a valid status to the publication of the advisories that reflect it.", "vendor"

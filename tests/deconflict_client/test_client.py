@@ -1,4 +1,5 @@
 import asyncio
+import os
 import socket
 import subprocess
 import sys
@@ -92,6 +93,13 @@ async def test_an_acknowledgement_comes_back_in_the_stream(tmp_path: Path) -> No
             await subscriber.acknowledge("advisory-9", name="Kim", reason="none")
         with pytest.raises(ClientError, match="422"):
             await subscriber.acknowledge("advisory-1", name="", reason="none")
+
+
+@pytest.mark.parametrize("name", ["pipe", "none", "."])
+def test_an_authority_that_is_no_file_is_refused_and_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileNotFoundError, match="is no file"):
+        Client("https://127.0.0.1:9", authority=tmp_path / name)
 
 
 async def test_a_lost_stream_is_resumed(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from deconflict.operator.http.server.server_protocols import Places
+from deconflict.operator.http.server.server_protocols import Places, count_refused
 from ingest.languages.visible_text import visible
 
 MOST_BODY_BYTES = 64 * 1024
@@ -73,6 +73,7 @@ class RequestLimitsMiddleware:
         await asyncio.sleep(min(wait_s, MOST_WAIT_S))
         send = self._charged(send, sender)
         if wait_s > MOST_WAIT_S:
+            count_refused(scope["app"].state, "face-too-many")
             headers = {"connection": "close", "retry-after": f"{LONGEST_DEBT_S:.0f}"}
             refusal = JSONResponse({"detail": TOO_MANY}, 429, headers)
             await refusal(scope, receive, _safe(send))

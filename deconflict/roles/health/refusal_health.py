@@ -85,6 +85,9 @@ _CONNECTIONS: dict[str, Rule] = {
     "face-replaced": Shown("connections to the operators' port were closed for newer ones", "see who holds so many"),
     "face-unread": Shown("connections to the operators' port were closed that read nothing", "see who connects"),
     "face-flood": Shown("subscribers were cut off that sent too much", "see who connects"),
+    "face-too-many": Shown(
+        "requests of an address or person beyond its share were answered with 429", "see who asks so often"
+    ),
     "face-tls-failed": Shown("connections to the operators' port failed in the TLS handshake", "see who connects"),
 }
 _AGAIN = "it is tried again; `files` or the log says why"
@@ -133,6 +136,9 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
     },
     "deconflict_situation_failures_total": Shown(
         "times situations could not be made", "they began anew; report the error in the log", 1
+    ),
+    "deconflict_judge_failures_total": Shown(
+        "times warnings could not be judged", "they are judged anew; report the error in the log", 1
     ),
     "deconflict_advice_failures_total": Shown(
         "requests for advice ended in an error", "report the error in the log", 1

@@ -1,9 +1,10 @@
 """Reads the file of a plan, and says what the file is if it is evidently another thing."""
 
 import json
-import tomllib
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from math import inf
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,9 +25,11 @@ XML_KINDS = {
     "tcsStatusMessageSet": "has status messages of openTCS; import the plant model",
 }
 """What XML with another outermost element is."""
+TOML_LINE = re.compile(r"\s*(\[\[?[\w.\"-]+\]\]?|[\w.\"-]+\s*=\s*\S)")
+"""A table or a key with a value."""
 
 
-class UniqueKeys(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+class UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
     """Loads YAML, and refuses a key that a mapping has twice: the first value would be lost."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
@@ -64,7 +67,25 @@ def _parsed(text: str, *, is_json: bool) -> ElementTree.Element | Any:
         return ElementTree.fromstring(text)  # noqa: S314 - a file of the site's own; expat bounds expansion
     if is_json:
         return json.loads(text, object_pairs_hook=_unique)
-    return yaml.load(text, Loader=UniqueKeys)  # noqa: S506 - a SafeLoader
+    document = yaml.load(text, Loader=UniqueKeys)  # noqa: S506 - a SafeLoader
+    if _size(document, {}) > len(text):
+        raise PlanError("can't be read: it names parts of itself again and again (anchors of YAML)")
+    return document
+
+
+def _size(value: Any, known: dict[int, float]) -> float:
+    """Letters and values, each as often as it is named: no more than letters of the file, unless anchors repeat them.
+
+    It is infinite if a value contains itself. Raises `RecursionError`.
+    """
+    if not isinstance(value, dict | list):
+        return max(len(value), 1) if isinstance(value, str) else 1
+    if id(value) not in known:
+        known[id(value)] = inf
+        known[id(value)] = 1 + sum(
+            _size(each, known) for each in (value.values() if isinstance(value, dict) else value)
+        )
+    return known[id(value)]
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -81,11 +102,8 @@ def _other_text(path: Path, text: str) -> str | None:
     """What a text is that is neither XML nor JSON nor YAML."""
     if path.suffix == ".ron":
         return SITE_EDITOR
-    try:
-        tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        return None
-    return "is TOML, as a site file, not a plan"
+    first = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
+    return "is TOML, as a site file, not a plan" if TOML_LINE.match(first) else None
 
 
 def _other_thing(document: Any) -> str | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,6 +19,8 @@ from ingest.settings import Section
 WIDTH_M = 1.2
 WIDTHS_M = 0.1, 100
 """The range of widths that a person may give."""
+FARTHEST_M = 1e8
+"""No coordinate on Earth is larger, in metres."""
 
 HEAD = """\
 # From {file}. Complete what the plan does not contain:
@@ -42,11 +45,12 @@ def imported_site(path: Path, width_m: float) -> ImportedSite:
     """The plan in `path`. `width_m` is the width of lanes and places, metres. Raises `PlanError`."""
     try:
         plan = read_plan(path)
+        _check_places(plan, path)
+        site = drawn_site(plan, width_m)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         if isinstance(error, PlanError):
             raise
         raise PlanError(f"{path}: does not have the structure of its format: {type(error).__name__} {error}") from error
-    site = drawn_site(plan, width_m)
     return ImportedSite(plan, site, toml(site, HEAD.format(file=path.name, width=width_m)))
 
 
@@ -66,6 +70,16 @@ def read_plan(path: Path) -> ImportedPlan:
     if is_graph(document):
         return read_graph(document)
     return read_layout(document) if isinstance(document["levels"], list) else read_building(document)
+
+
+def _check_places(plan: ImportedPlan, path: Path) -> None:
+    """Raises `PlanError` if a coordinate is not a number, or too large to be drawn."""
+    for level in plan.levels:
+        bends, doors = (lane.bends for lane in level.lanes), (door.ends for door in level.doors)
+        spots = chain((node.at for node in level.nodes), *bends, *doors, *level.walls)
+        lifts = ((*lift.at, *lift.size_m) for lift in plan.lifts if lift.level == level.name)
+        if not all(abs(number) <= FARTHEST_M for number in chain(*spots, *lifts)):
+            raise PlanError(f"{path}: level {level.name!r}: a coordinate is no number, or beyond {FARTHEST_M:.0e} m")
 
 
 def toml(site: DrawnSite, head: str) -> str:

@@ -26,9 +26,9 @@ from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_link.tick_times import IDLE_TICK_S
 from deconflict.roles.processes.ports import PortTakenError, listen_at
-from deconflict.roles.processes.supervisor import PORTS, Supervisor
+from deconflict.roles.processes.supervisor import PARTS, PORTS, Supervisor
 from deconflict.roles.service import runtime_directory
-from deconflict.runtime.data_lock import create_data_directory
+from deconflict.runtime.data_lock import create_data_directory, locked
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.site import LossSettings, Site
 from deconflict.simulation.demo.demo_floor import FollowingFloor
@@ -58,9 +58,14 @@ def demo(site: Site, floor: FollowingFloor, seconds: float | None, data: Path | 
     if seconds is None and not console.is_terminal:
         seconds = SECONDS_WITHOUT_TERMINAL
     site = _on_free_ports(site, console).model_copy(update={"mqtt_sources": SOURCES})
-    with TemporaryDirectory(prefix="deconflict-demo-") as discarded, runtime_directory() as runtime:
+    with (
+        TemporaryDirectory(prefix="deconflict-demo-") as discarded,
+        runtime_directory() as runtime,
+        ExitStack() as held,
+    ):
         kept = data or Path(discarded)
         create_data_directory(kept)
+        held.enter_context(locked(kept, PARTS))
         lost_before_s = _lost_to_others_s(kept)
         stop = threading.Event()
         supervisor = threading.Thread(target=Supervisor(site, kept, Path(runtime)).run, args=(stop,))

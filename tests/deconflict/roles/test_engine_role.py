@@ -1,8 +1,15 @@
 """Whose messages a pass reflects, and since when they waited."""
 
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
 
+from deconflict.engine.engine import Engine
 from deconflict.engine.message_latency import arrivals_s
+from deconflict.roles.engine_role import EngineRole
+from deconflict.settings.site import DEFAULT
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.shown.quarantine import Quarantine
@@ -45,3 +52,24 @@ def test_a_new_engine_counts_no_message_twice() -> None:
     receiving_fleet.next_batch(NOW_S + 0.1)
     again = arrivals_s(receiving_fleet.next_batch(NOW_S + 60, everything=True), NOW_S + 60)
     assert {vendor: len(arrivals) for vendor, arrivals in again.items()} == {"Acme": 0}
+
+
+def test_a_judge_that_fails_is_counted_and_begins_anew(tmp_path: Path) -> None:
+    class FailingJudge:
+        def add(self, *_: object) -> None:
+            raise ValueError
+
+        def begin_anew(self) -> None:
+            raise AssertionError
+
+    judges: list[FailingJudge] = []
+
+    def made(*_: object) -> Any:
+        judges.append(FailingJudge())
+        return judges[-1]
+
+    role, engine = EngineRole(DEFAULT, tmp_path, make_judge=made), Engine(DEFAULT)
+    role._judge = role._judge_of(engine)
+    role._judge_pass(engine, fleet().next_batch(NOW_S), np.zeros(0), [])
+    assert (role._judge, len(judges)) == (judges[1], 2)
+    assert engine.measures.values["deconflict_judge_failures_total"] == {(): 1}

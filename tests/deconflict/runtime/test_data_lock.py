@@ -19,10 +19,11 @@ def test_a_directory_is_locked_part_by_part(tmp_path: Path) -> None:
         pass
 
 
-def test_a_second_service_in_the_same_directory_ends_with_an_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", [["serve"], ["demo", "--seconds", "1"]], ids=" ".join)
+def test_a_second_service_in_the_same_directory_ends_with_an_error(tmp_path: Path, words: list[str]) -> None:
     robots_port, operator_port = free_ports(2)
     ports = ["--robots-port", str(robots_port), "--operator-port", str(operator_port)]
-    command = [sys.executable, "-m", "deconflict", "serve", "--data", str(tmp_path), *ports]
+    command = [sys.executable, "-m", "deconflict", *words, "--data", str(tmp_path), *ports]
     with locked(tmp_path, ["ingest"]):
         ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert ended.returncode == 2

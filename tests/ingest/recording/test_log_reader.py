@@ -243,3 +243,7 @@ def test_a_directory_is_read_whole_where_somebody_packed_the_older_segments(tmp_
     oldest.with_name(oldest.name + ".gz").write_bytes(gzip.compress(oldest.read_bytes()))
     oldest.unlink()
     assert [event.now_s for event in read(tmp_path)[0] if isinstance(event, Tick)] == [NOW_S + i for i in range(2)]
+
+
+def test_a_file_that_the_disk_does_not_give_is_left_out() -> None:
+    assert read(Path("/proc/self/mem")) == ([], 1)  # its first byte is an error of input

@@ -137,6 +137,8 @@ async def test_a_flood_of_requests_waits_and_what_would_wait_for_long_is_refused
     async with served(tmp_path) as face, http_client(face.http) as client:
         answers = await asyncio.gather(*(client.get("/schema/advisory") for _ in range(60)))
         assert {answer.status_code for answer in answers} == {200, 429}
+        refusals = face.app.state.measures.values["deconflict_connections_refused_total"]
+        assert refusals == {("face-too-many",): sum(answer.status_code == 429 for answer in answers)}
         refused = next(answer for answer in answers if answer.status_code == 429)
         assert "ask less often" in refused.json()["detail"]
         assert refused.headers["x-content-type-options"] == "nosniff"

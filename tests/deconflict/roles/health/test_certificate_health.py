@@ -20,8 +20,9 @@ NOW = datetime(2030, 6, 1, tzinfo=UTC)
 
 def written(file: Path, *ends: datetime) -> Path:
     authority = trustme.CA()
-    pems = [authority.issue_cert("127.0.0.1", not_after=end).cert_chain_pems[0].bytes() for end in ends]
-    file.write_bytes(b"a comment\n".join([*pems, authority.private_key_pem.bytes()]))
+    issued = [authority.issue_cert("127.0.0.1", not_after=end) for end in ends]
+    pems = [each.cert_chain_pems[0].bytes() for each in issued]
+    file.write_bytes(b"a comment\n".join([*pems, issued[0].private_key_pem.bytes()]))
     return file
 
 
@@ -67,3 +68,23 @@ def test_the_end_of_a_certificate_is_told_two_weeks_ahead_and_logged_once(
         written(file, NOW + timedelta(days=90))
         assert [told(1), len(caplog.records)] == ["ok", 2]
     assert health.expiry_s(site)["mqtt.ca"] == (NOW + timedelta(days=300)).timestamp()
+
+
+def test_files_that_do_not_fit_together_are_said_with_the_end_of_those_in_use(tmp_path: Path) -> None:
+    file = written(tmp_path / "site.pem", NOW)
+    site = Site(operator=Operator(tls=Tls(certificate=str(file), clients=str(file))))
+    health = CertificateHealth()
+    now_s = (NOW - timedelta(days=30)).timestamp()
+    ends_s = health.document(site, now_s)["expires_s"]
+    assert set(ends_s) == {"operator.tls.certificate", "operator.tls.clients"}
+
+    whole = file.read_bytes()
+    renewed = written(tmp_path / "renewed.pem", NOW + timedelta(days=90)).read_bytes()
+    file.write_bytes(renewed.split(b"a comment")[0] + whole.split(b"a comment")[1])
+    spoilt = health.document(site, now_s)
+    assert (spoilt["status"], spoilt["expires_s"]) == ("degraded", ends_s)
+    assert "the files of operator.tls can't be used" in spoilt["reason"]
+    file.unlink()
+    assert "No such file" in health.document(site, now_s)["reason"]
+    file.write_bytes(whole)
+    assert health.document(site, now_s) == {"status": "ok", "expires_s": ends_s}
