@@ -27,7 +27,7 @@ from benchmarks.silent_floor import GRACE_S, Meeting, SilentFloor
 from deconflict.engine import engine
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.presence.probably_left import PresenceChanges
-from deconflict.settings.site import Site
+from deconflict.settings.site import DEFAULT, Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch
 from ingest.recording.log_reader import LogReader
@@ -69,7 +69,9 @@ class Staying(Presence):
         return PresenceChanges()
 
 
-def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[list[Alert], Figures]:
+def alerts_of(
+    lines: Iterable[str], kind: type[Presence] = Presence, site: Site = DEFAULT
+) -> tuple[list[Alert], Figures]:
     """The advisories of a replay of the lines, and its scores."""
     alerts: dict[str, Alert] = {}
 
@@ -83,7 +85,7 @@ def alerts_of(lines: Iterable[str], kind: type[Presence] = Presence) -> tuple[li
         path = Path(folder) / "log.jsonl"
         path.write_text("".join(lines))
         reader = LogReader()
-        scores = replay(reader, reader.read([path]), Site(), [0.3], on_advisory=add)["scores"][0]
+        scores = replay(reader, reader.read([path]), site, [0.3], on_advisory=add)["scores"][0]
     return list(alerts.values()), scores
 
 

@@ -6,7 +6,7 @@ grown by a fifth, so that never all robots are checked at once. If another robot
 there: it is removed until it reports again. Pure: the same calls give the same results.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
@@ -16,11 +16,17 @@ import numpy as np
 
 from deconflict.foresight.motion_assumptions import RESTING_STATES
 from deconflict.foresight.presence.believed_places import BelievedPlaces, place_of
+from deconflict.foresight.presence.heard_ground import HeardGround
 from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict.foresight.presence.lost_connections import VendorConnections
-from deconflict.foresight.presence.probably_left import LastingSilence, LastingSilences, PresenceChanges
+from deconflict.foresight.presence.probably_left import (
+    PROBABLY_LEFT,
+    LastingSilence,
+    LastingSilences,
+    PresenceChanges,
+)
 from deconflict.foresight.presence.removed_robots import RemovedRobot, RemovedRobots
-from deconflict.foresight.presence.report_intervals import Legs, ReportIntervals
+from deconflict.foresight.presence.report_intervals import GRACE_S, Legs, ReportIntervals
 from deconflict.foresight.presence.returned_robots import datum_of, was_there
 from deconflict.foresight.presence.silence_outcomes import (
     ELSEWHERE,
@@ -29,12 +35,14 @@ from deconflict.foresight.presence.silence_outcomes import (
     MAYBE_THERE,
     THERE,
     LastSeen,
+    SilenceCase,
     SilenceOutcomes,
     UsualExit,
 )
 from deconflict.runtime.learned_state import Learner
+from deconflict.settings.shared_places import Place
 from deconflict.sweep.geometry.pose import pose_at
-from ingest.batch import Basis, Batch, Floats, FloorPoint
+from ingest.batch import Basis, Batch, Floats, FloorPoint, Forecasts
 from ingest.measures.measures import Measures
 
 SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots_probably_left"
@@ -50,6 +58,8 @@ KNOWN_AFTER_S, KNOWN_LEFT = 600.0, 0.1
 the probability that the robot is present is below `KNOWN_LEFT`."""
 STANDS_M = 0.1
 """By a forecast that leads no further, the robot stands."""
+WAY_S = np.arange(0.0, GRACE_S + 0.5).tolist()
+"""Times after the last report for which the way of a robot is looked at."""
 EXITS_EVERY_S = 10.0
 """How often exits are computed anew."""
 MOST_SHOWN = 300
@@ -59,8 +69,9 @@ MOST_SHOWN = 300
 class Presence:
     """The presence of all robots. `live` belongs to the engine, which updates it with each batch after this."""
 
-    def __init__(self, live: LiveRobots, measures: Measures) -> None:
-        self._live, self._measures = live, measures
+    def __init__(self, live: LiveRobots, measures: Measures, places: Iterable[Place] = ()) -> None:
+        """`places` are those of the site; of these, doors and lifts may be exits."""
+        self._live, self._measures, self._ground = live, measures, HeardGround(places)
         self._intervals, self._connections = ReportIntervals(), VendorConnections()
         self._outcomes, self._places = SilenceOutcomes(), BelievedPlaces()
         self._last_seen_at = BelievedPlaces()
@@ -83,6 +94,7 @@ class Presence:
         removed because of this batch are in its `gone`."""
         batch = self._removed.without(batch)
         legs, new = self._intervals.add_batch(batch)
+        self._ground.add(legs, batch.floors)
         self._returned.update(batch.robots[row] for row in legs.after_silence())
         self._connections.record(batch.vendors, batch.arrival_s.tolist())
         for row in [*self._back(batch, legs), *new]:
@@ -151,8 +163,8 @@ class Presence:
 
     @property
     def learners(self) -> dict[str, Learner]:
-        """What is kept over a restart: the outcomes of silences, and the removed robots."""
-        return {"silences": self._outcomes, "taken_off": self._removed}
+        """What is kept over a restart: the outcomes of silences, the removed robots, and where robots were heard."""
+        return {"silences": self._outcomes, "taken_off": self._removed, "ground": self._ground}
 
     def _back(self, batch: Batch, legs: Legs) -> list[int]:
         """The rows of robots that report again, whose silences end."""
@@ -241,36 +253,52 @@ class Presence:
 
     def _silent_at_s(self, uuid: str, robot: LiveRobot, now_s: float) -> float:
         """When a robot will count as silent if nothing is heard of it until then. While its vendor's connection is
-        lost: when to check again."""
+        lost, or it is too soon to say: when to check again."""
         heard_s, grace_s = self._intervals.heard_s(uuid), self._intervals.grace_s(uuid)
         connection = self._connections.of(robot.vendor)
         if connection.is_lost(now_s):
             return now_s + LOST_LOOK_S
-        return heard_s + grace_s + connection.excused_s(heard_s, grace_s)
+        excused_s, soon_s = connection.excused_s(heard_s, grace_s), self._intervals.soon_s(uuid)
+        if now_s < heard_s + soon_s + excused_s:
+            return heard_s + soon_s + excused_s
+        case = self._case_of(robot, self._last_seen(uuid, robot))
+        has_left = case and self._outcomes.there(case, soon_s, soon_s) < PROBABLY_LEFT
+        return heard_s + (soon_s if has_left else grace_s) + excused_s
 
     def _begin_silence(self, uuid: str, robot: LiveRobot, now_s: float) -> LastingSilence:
         """A robot falls silent. Returns its silence."""
         heard_s, grace_s = self._intervals.heard_s(uuid), self._intervals.grace_s(uuid)
         self._connections.leave(uuid)
-        is_standing, forecast = robot.basis is Basis.STATIONARY, robot.forecast
-        goes = float(np.hypot(forecast.x_m - forecast.x_m[0], forecast.y_m - forecast.y_m[0]).max()) > STANDS_M
-        moved = self._intervals.moved(uuid)
-        last_seen = LastSeen.GOING if goes and moved is not False else LastSeen.ARRIVED if moved else LastSeen.STANDING
+        forecast, last_seen = robot.forecast, self._last_seen(uuid, robot)
+        goes = _goes(forecast)
         if last_seen is LastSeen.STANDING and goes:
             self._silences.changes.stopped.append(uuid)
-        if last_seen is LastSeen.GOING:
+        if last_seen in (LastSeen.GOING, LastSeen.LEAVING) and goes:
             self._last_seen_at.set(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
-        state = robot.batch.states[robot.row]
-        is_blocked = is_standing and state in ("navigating", "manualOverride")
-        datum = datum_of(self._live.floors, int(forecast.floor[0]))
-        case = None
-        if not is_blocked and state not in RESTING_STATES and datum:
-            point = FloorPoint(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
-            case = self._outcomes.case(robot.vendor, point, last_seen)
-        counts = now_s - heard_s < KNOWN_AFTER_S
+        case, counts = self._case_of(robot, last_seen), now_s - heard_s < KNOWN_AFTER_S
         silence = LastingSilence(heard_s, grace_s, robot.vendor, last_seen is LastSeen.STANDING, case, counts)
         self._silences.begin(uuid, silence)
         return silence
+
+    def _last_seen(self, uuid: str, robot: LiveRobot) -> LastSeen:
+        forecast, moved = robot.forecast, self._intervals.moved(uuid)
+        is_going = _goes(forecast) and moved is not False
+        begin_s = float(forecast.t_s[0])
+        poses = [pose_at(forecast, begin_s + after_s) for after_s in (WAY_S if is_going else WAY_S[:1])]
+        way = [(pose.x_m, pose.y_m) for pose in poses if pose.floor == poses[0].floor]
+        if self._ground.leads_out(datum_of(self._live.floors, poses[0].floor), way):
+            return LastSeen.LEAVING
+        return LastSeen.GOING if is_going else LastSeen.ARRIVED if moved else LastSeen.STANDING
+
+    def _case_of(self, robot: LiveRobot, last_seen: LastSeen) -> SilenceCase | None:
+        """The case of a robot that falls silent; None if it surely stays."""
+        forecast, state = robot.forecast, robot.batch.states[robot.row]
+        is_blocked = robot.basis is Basis.STATIONARY and state in ("navigating", "manualOverride")
+        datum = datum_of(self._live.floors, int(forecast.floor[0]))
+        if is_blocked or state in RESTING_STATES or not datum:
+            return None
+        point = FloorPoint(datum, float(forecast.x_m[0]), float(forecast.y_m[0]))
+        return self._outcomes.case(robot.vendor, point, last_seen)
 
     def _check_silent(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> None:
         """Update the probability that a silent robot is present, its believed place, and when to check it again."""
@@ -300,3 +328,7 @@ class Presence:
 
     def _measure(self) -> None:
         self._measures.level(PROBABLY_LEFT_ROBOTS, dict(self._silences.left))
+
+
+def _goes(forecast: Forecasts) -> bool:
+    return float(np.hypot(forecast.x_m - forecast.x_m[0], forecast.y_m - forecast.y_m[0]).max()) > STANDS_M

@@ -49,26 +49,29 @@ class LastSeen(IntEnum):
     ARRIVED = 1
     """It had moved, and its last forecast has it stand."""
     STANDING = 2
+    LEAVING = 3
+    """Its way led out, over the edge of the ground on which robots were heard; see `heard_ground`."""
 
 
-PRIOR_GONE = {LastSeen.GOING: 0.1, LastSeen.ARRIVED: 0.02, LastSeen.STANDING: 0.02}
+PRIOR_GONE = {LastSeen.GOING: 0.1, LastSeen.ARRIVED: 0.02, LastSeen.STANDING: 0.02, LastSeen.LEAVING: 0.7}
 """Prior share of silences after which the robot is gone: a robot that leaves drives first."""
-STAYS = {LastSeen.GOING: 0.25, LastSeen.ARRIVED: 0.5, LastSeen.STANDING: 0.5}
+STAYS = {LastSeen.GOING: 0.25, LastSeen.ARRIVED: 0.5, LastSeen.STANDING: 0.5, LastSeen.LEAVING: 0.25}
 """Share of the present robots that never report again by themselves, because they have broken down."""
 AS_WELL = {
     LastSeen.GOING: (LastSeen.GOING,),
-    LastSeen.ARRIVED: (LastSeen.ARRIVED, LastSeen.GOING),
+    LastSeen.ARRIVED: (LastSeen.ARRIVED, LastSeen.GOING, LastSeen.LEAVING),
     LastSeen.STANDING: (LastSeen.STANDING,),
+    LastSeen.LEAVING: (LastSeen.LEAVING,),
 }
 """By how a robot was last seen: the silences of which robots say something of its own silence at the same place. Many
 robots arrive at the exit by which they leave."""
 
 
-_Index = Annotated[int, Field(ge=-(10**9), le=10**9)]
+Index = Annotated[int, Field(ge=-(10**9), le=10**9)]
 FORM = Form(
     f"robots there, elsewhere and left, by {CELL_M} m cells; silences by {silence_survival.BINS} bins from "
     f"{silence_survival.FIRST_EDGE_S} s on by the root of 2; last seen as {', '.join(LastSeen.__members__)}",
-    {"cells": list[tuple[str, _Index, _Index, LastSeen]], "vendors": list[tuple[str, LastSeen]]},
+    {"cells": list[tuple[str, Index, Index, LastSeen]], "vendors": list[tuple[str, LastSeen]]},
     {
         "cell_tallies": count_column("cells", 3),
         "vendor_tallies": count_column("vendors", 3),

@@ -55,8 +55,9 @@ class Proposal:
 
     @property
     def first(self) -> ActionSet:
-        """The set of the first action."""
-        return self.asked[key_of(self.actions[0])]
+        """The set of the first action. If that is vague, another set may ask for the same and say where to go."""
+        robot, kind, is_vague = key_of(self.actions[0])
+        return self.asked.get((robot, kind, is_vague)) or self.asked[robot, kind, False]
 
 
 def proposal_of(

@@ -254,3 +254,14 @@ def test_who_goes_first_is_no_step_of_its_own() -> None:
     found = revised(None, NOW_S, crossing)
     assert found is not None
     assert found.text == "Robot a should wait 4 s, so that Robot b goes first"
+
+
+def test_vague_advice_to_people_beside_advice_to_programs_that_says_where_to_go() -> None:
+    vague = head_on("ab", 60.0, recommendation=advice(action("a", "take_another_route")))
+    twin = queue("ab", recommendation=advice(action("a", "take_another_route", where="to Lift 2", resource="lift-2")))
+    before = revised_advice(None, proposal_of([twin], "ab", NOW_S, passing=[twin.id]), "ab", (), NOW_S)
+    assert before is not None
+    proposal = proposal_of([vague, twin], "ab", NOW_S + 1, passing=[twin.id])
+    after = revised_advice(before, proposal, "ab", (), NOW_S + 1)
+    assert after is not None
+    assert after.text == "Robot a should take another route"
