@@ -181,7 +181,8 @@ class Engine:
         batch = batch if batch.examined.all() else batch.take(np.flatnonzero(batch.examined), batch.gone)
         batch = self.presence.receive(self.floors.renumbered(batch))
         self.foresight.resolve_absent(self.presence.passed)
-        self._shared.receive(self._add(batch))
+        for part in presence_batches.with_end_before(batch):
+            self._shared.receive(self._add(part))
 
     def _add(self, batch: Batch) -> Batch:
         """Add a batch to all that predicts conflicts; the batch with the forecasts that are believed."""
@@ -227,6 +228,7 @@ class Engine:
         revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s, returned)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
+        self.presence.moved.clear()
         revisions += self._advice.add_holds(now_s, self._conflicts)
         revisions += self._shared.step(now_s, effort)
         self._advice.charge(revisions)
