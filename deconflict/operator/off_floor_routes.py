@@ -1,7 +1,6 @@
 """`POST /robots/{uuid}/off-floor`: an operator says that a robot is off the floor, or puts it back on it."""
 
-from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, Protocol
 from uuid import UUID
 
 from fastapi import FastAPI, HTTPException, Request, Response
@@ -10,16 +9,21 @@ from pydantic_core import to_json
 from deconflict_client.answers.api_models import OffFloorState, OffFloorStatement
 from ingest.recording.operator_events import OffFloorMark
 
-RobotsOf = Callable[[str], Awaitable[list[dict[str, Any]]]]
-MarkRobot = Callable[[OffFloorMark], Awaitable[dict[str, Any]]]
+NOWHERE: dict[int | str, dict[str, Any]] = {409: {"description": "It has sent no position, so it is on no floor"}}
 
 
-def add_off_floor_routes(
-    app: FastAPI, robots: RobotsOf, mark_robot: MarkRobot, responses: dict[int | str, dict[str, Any]]
-) -> None:
-    """`robots` gives the documents of a robot, `mark_robot` takes what is said of it."""
+class RobotSource(Protocol):
+    """See `api_sources.Sources`."""
 
-    @app.post("/robots/{uuid}/off-floor", response_model=OffFloorState, responses=responses)
+    async def robots(self, uuid: str = "") -> list[dict[str, Any]]: ...
+
+    async def mark_off_floor(self, mark: OffFloorMark) -> dict[str, Any]: ...
+
+
+def add_off_floor_routes(app: FastAPI, sources: RobotSource, responses: dict[int | str, dict[str, Any]]) -> None:
+    """`responses` are those of all routes of robots."""
+
+    @app.post("/robots/{uuid}/off-floor", response_model=OffFloorState, responses=responses | NOWHERE)
     async def off_floor(uuid: UUID, statement: OffFloorStatement, request: Request) -> Response:
         """Say that a robot is off the floor, until it is heard elsewhere; or put it back on the floor."""
         name = getattr(request.state, "person", None) or statement.name
@@ -27,8 +31,8 @@ def add_off_floor_routes(
             raise HTTPException(422, "name: is empty; expected who says so")
         mark = OffFloorMark(str(uuid), 0.0, statement.off_floor, name)
         if statement.off_floor:
-            mark = _placed(mark, await robots(str(uuid)))
-        held = await mark_robot(mark)
+            mark = _placed(mark, await sources.robots(str(uuid)))
+        held = await sources.mark_off_floor(mark)
         state = OffFloorState(uuid=str(uuid), off_floor=bool(held), by=held.get("by"), at_s=held.get("at_s"))
         return Response(to_json(state), media_type="application/json")
 

@@ -147,7 +147,8 @@ def _is_elsewhere(mark: OffFloorMark, robot: Robot, floors: Sequence[str]) -> bo
     if datum_of(robot, floors) != mark.datum:
         return True
     away_m = hypot(seen.x_m - mark.x_m, seen.y_m - mark.y_m)
-    return away_m > max(AWAY_M, robot.doubt_m) or (seen.is_driving and away_m > DRIVEN_M)
+    is_driving = seen.is_driving and not seen.is_overruled
+    return away_m > max(AWAY_M, robot.doubt_m) or (is_driving and away_m > DRIVEN_M)
 
 
 def datum_of(robot: Robot, floors: Sequence[str]) -> str:

@@ -99,13 +99,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     _add_advice_routes(app, AdviceRoutes(publisher, store, names, app.state.people))
     ask = lambda question: sources.losses(question)  # noqa: E731, PLW0108 - a description has no sources
     add_loss_routes(app, ask, names.unknown)
-    stopped: dict[int | str, Document] = {409: {"description": "It has sent no position, so it is on no floor"}}
-    add_off_floor_routes(
-        app,
-        lambda uuid: sources.robots(uuid),  # noqa: PLW0108 - a description has no sources
-        lambda mark: sources.mark_off_floor(mark),  # noqa: PLW0108 - a description has no sources
-        UNAVAILABLE | MISSING | stopped,
-    )
+    add_off_floor_routes(app, sources, UNAVAILABLE | MISSING)
     add_suggestion_routes(app, ask, lambda: sources.measures(), lambda: app.state.site)  # noqa: PLW0108
     _add_sockets(app, publisher, store, sources)
     _add_descriptions(app)
