@@ -16,8 +16,9 @@ from ingest.fleet.robot import Robot
 from ingest.measures.measures import Measures
 from ingest.recording.operator_events import OffFloorMark
 
-BACK, MOVED = "deconflict_robots_back_on_floor_total", "deconflict_robots_moved_by_hand_total"
-"""Names of metrics."""
+MOVED = "deconflict_robots_moved_total"
+BY_HAND, OFF_BEFORE = "by_hand", "off_floor"
+"""Name of a metric, and how a robot came to where it is."""
 AWAY_M, DRIVEN_M = 1.0, 0.3
 """A robot is heard elsewhere from the first distance on, or from the second if it drives."""
 MOST_MARKS, MOST_BACK = 10_000, 200
@@ -91,7 +92,7 @@ class OffFloor:
         distance_m, at_s = hypot(now.x_m - before.x_m, now.y_m - before.y_m), now.t_s
         robot.begin_anew(HandMove(at_s, distance_m, took_s, times))
         self._moved.add(robot.uuid)
-        measures.count(MOVED, robot.vendor)
+        measures.count(MOVED, robot.vendor, BY_HAND)
 
     def without(self, robots: list[Robot]) -> list[Robot]:
         """The robots that are on the floor."""
@@ -136,7 +137,7 @@ class OffFloor:
         if len(self.back) > MOST_BACK:
             self.back.popitem(last=False)
         self._returned.append(back)
-        measures.count(BACK, robot.vendor)
+        measures.count(MOVED, robot.vendor, OFF_BEFORE)
 
 
 def _is_elsewhere(mark: OffFloorMark, robot: Robot, floors: Sequence[str]) -> bool:

@@ -46,8 +46,6 @@ def measure(fleet: Fleet, now_s: float) -> None:
             ages_s.setdefault(robot.vendor, []).append(now_s - robot.seen.t_s)
     level = fleet.measures.level
     level("deconflict_robots", robots)
-    off_floor = Counter(fleet.robots[uuid].vendor for uuid in fleet.off_floor.marks if uuid in fleet.robots)
-    level("deconflict_robots_off_floor", {(vendor,): float(count) for vendor, count in off_floor.items()})
     level("deconflict_robots_by_language", by_language)
     level(UNEXAMINED, fleet.owners.admission.level())
     level("deconflict_forecast_age_seconds", {(vendor,): median(ages) for vendor, ages in ages_s.items()})

@@ -60,7 +60,7 @@ def test_a_robot_that_is_heard_elsewhere_is_back_at_once(x_m: float, mps: float,
     of.next_batch(NOW_S + 2.0)
     place = {"x": x_m, "y": 0.0, "planarDatum": floor, "angle": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
     assert say(of, 3.0, mps=mps, location=place).robots == (robot("A"),)
-    assert counted(of, "robots_back_on_floor_total") == {("Alder",): 1}
+    assert counted(of, "robots_moved_total")["Alder", "off_floor"] == 1
     assert document(of, "A", NOW_S + 3.0)["off_floor"] is None
     (back,) = of.off_floor.take_returned()
     assert (back.uuid, back.at_s, back.is_off) == (robot("A"), NOW_S + 3.0, False)
@@ -109,7 +109,7 @@ def test_a_robot_that_stood_and_is_heard_out_of_reach_was_moved_by_hand() -> Non
     found = document(of, "A")
     assert found["moved"]["sentence"] == "was moved by hand or its localisation jumped: 14.2 m in 3 s"
     assert found["forecast"]["basis"] == "stationary"
-    assert counted(of, "robots_moved_by_hand_total") == {("Alder",): 1}
+    assert counted(of, "robots_moved_total") == {("Alder", "by_hand"): 1}
     assert not {"speed-contradicts-motion", "heading-contradicts-motion"} & found["deviations"].keys()
     assert say(of, 6.0, 14.2).began_anew == ()
 
