@@ -228,7 +228,6 @@ class Engine:
         revisions += self._conflicts.dismiss(dormant, self._sweep.dormant, ClearedCode.BOTH_SILENT, now_s)
         revisions += self._conflicts.revise(now_s, predictions, updated, self._scene, now_s + reach_s, returned)
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
-        self.presence.moved.clear()
         revisions += self._advice.add_holds(now_s, self._conflicts)
         revisions += self._shared.step(now_s, effort)
         self._advice.charge(revisions)

@@ -146,10 +146,9 @@ class OperatorSources:
     async def health(self) -> dict[str, Any]:
         receiver = await self._receiver_measures()
         up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
-        brokers: list[dict[str, Any]] = []
         if receiver is not None:
             self._recording.note_measures(receiver)
-            brokers = await self._listed("brokers")
+        brokers, off_floor = [await self._listed(each) if receiver else [] for each in ("brokers", "off_floor")]
         positions = positions_document(receiver or [])
         if positions["robots"]:
             positions = positions_document(receiver or [], await self._listed("senders"))
@@ -165,7 +164,7 @@ class OperatorSources:
             "refused_or_lost": self._refusals.document(time.monotonic()),
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
-            "off_floor": off_floor_document(await self._listed("off_floor") if receiver is not None else []),
+            "off_floor": off_floor_document(off_floor),
         }
         if self._is_alone:
             parts["cluster"] = {"status": "degraded", "reason": ALONE}

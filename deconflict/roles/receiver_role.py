@@ -69,8 +69,7 @@ class ReceiverRole:
     def __init__(self, site: Site, runtime: Path, log: Path, wall: Callable[[], float] = time.time) -> None:
         """`wall` is the host's clock."""
         self._clock = SteadyClock(wall, time.monotonic)
-        self.site, self._runtime = site, runtime
-        self.measures = Measures()
+        self.site, self._runtime, self.measures = site, runtime, Measures()
         self.measures.begin(
             "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
         )

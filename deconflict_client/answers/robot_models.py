@@ -58,7 +58,7 @@ class TakenOff(BaseModel):
     by: str = Field(description="name of the other robot")
 
 
-class OffFloor(BaseModel):
+class OffFloorNote(BaseModel):
     """What an operator says of a robot that is off the floor."""
 
     by: str = Field(description="who says so; empty if people do not sign in and gave no name")
@@ -114,7 +114,7 @@ class HeardRobot(BaseModel):
     doubt_m: float | None = Field(None, description="how far its position may be off")
     envelope: RobotEnvelope | None = None
     forecast: RobotForecast | None = None
-    off_floor: OffFloor | None = Field(None, description="null unless an operator says that it is off the floor")
+    off_floor: OffFloorNote | None = Field(None, description="null unless an operator says that it is off the floor")
     moved: MovedByHand | None = Field(None, description="null if all its moves can have been driven")
     still_there: float = Field(description="the probability that it is still on the floor")
     taken_off: TakenOff | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ingest.batch import AMOUNTS, Batch, Claim, Destinations, Floats, Forecasts, Ints
-from ingest.fleet.departures import Departures
+from ingest.fleet.owners.departures import Departures
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast
 from ingest.shapes import shapes_of
 

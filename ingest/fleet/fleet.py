@@ -15,9 +15,9 @@ from typing import Any
 from ingest.batch import Batch
 from ingest.clocks import SenderClock
 from ingest.fleet.batch_builder import batch
-from ingest.fleet.departures import Departures
 from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
 from ingest.fleet.owners import language_choice
+from ingest.fleet.owners.departures import Departures
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry

@@ -11,13 +11,13 @@ from typing import Any
 from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.owners import comparability
+from ingest.fleet.owners import comparability, off_floor_report
 from ingest.fleet.owners.admission import UNEXAMINED
 from ingest.fleet.owners.comparability import NotCompared, shown_by_history, unexamined_sentence
 from ingest.fleet.owners.device_kinds import participant_of
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import SharedIdentity
-from ingest.fleet.shown import odd_values, off_floor_report
+from ingest.fleet.shown import odd_values
 from ingest.fleet.shown.odd_values import OddValue
 from ingest.frames.floor_index import NOWHERE
 from ingest.languages.front_ends import FRONT_ENDS

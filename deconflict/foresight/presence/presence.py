@@ -73,7 +73,8 @@ class Presence:
         self.off_floor: set[str] = set()
         """Robots that a person took off the floor."""
         self.moved: set[str] = set()
-        """Robots that began anew at another place, until the engine's pass is over."""
+        """Of the last `take_returned`, those that began anew at another place."""
+        self._moved: set[str] = set()
         self._silences, self._removed = LastingSilences(), RemovedRobots()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
@@ -97,7 +98,7 @@ class Presence:
             self._forget(uuid)
         self.off_floor.difference_update(batch.robots, batch.gone)
         self.off_floor.update(batch.off_floor)
-        self.moved.update(batch.began_anew)
+        self._moved.update(batch.began_anew)
         self.passed = set(self._last_seen_at.driven_through(batch, legs))
         for uuid in self.passed:
             self._last_seen_at.discard(uuid)
@@ -117,6 +118,7 @@ class Presence:
 
     def take_returned(self) -> set[str]:
         """The robots that were new or silent before they reported, since the last call."""
+        self.moved, self._moved = self._moved, set()
         returned, self._returned = self._returned, set()
         return returned
 

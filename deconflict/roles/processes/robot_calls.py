@@ -9,7 +9,7 @@ import msgspec
 
 from deconflict.runtime.rpc import Handler
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.shown import off_floor_report
+from ingest.fleet.owners import off_floor_report
 from ingest.recording.operator_events import OffFloorMark
 from ingest.recording.recorder import Recorder, quantise
 

@@ -4,8 +4,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
 
-from ingest.fleet.departures import OffFloor
 from ingest.fleet.owners.admission import Admission
+from ingest.fleet.owners.departures import OffFloor
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims

@@ -11,6 +11,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.__main__ import parser
 from ingest.recording.log_reader import LogReader
+from ingest.recording.operator_events import OffFloorMark
 from metrics.replay.recorded_passes import PassReader
 from tests.deconflict.roles.made_service import SITE, Running, running
 from tests.helpers.plain_http import http_client
@@ -74,5 +75,6 @@ async def test_a_robot_is_off_the_floor_until_it_is_heard_elsewhere(
     passes = PassReader(SITE)
     batches = [each.batch for each in passes.passes_of(LogReader().read([tmp_path / "log"]))]
     assert [batch.robots for batch in batches if batch.robots][-1] == (A1,)
-    assert (A1,) in [batch.off_floor for batch in batches]
     assert not passes.fleet.off_floor.marks
+    marks = [event for event in LogReader().read([tmp_path / "log"]) if isinstance(event, OffFloorMark)]
+    assert [mark.is_off for mark in marks] == [True, False, True, False]

@@ -10,12 +10,10 @@ from ingest.recording.operator_events import OffFloorMark
 from tests.helpers.saying import HALL, LOFT, identity, robot, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
-STANDS: dict[str, Any] = {"operationalState": "idle", "velocity": {"linear": 0.0}}
-
 
 def say(of: Fleet, t: float, x: float = 0.0, mps: float = 0.0, **replaced: Any) -> Batch:
-    said = {"operationalState": "navigating" if mps else "idle", "velocity": {"linear": mps}} | replaced
-    of.receive(status("A", NOW_S + t, x, **said), NOW_S + t, LINE)
+    fields = {"operationalState": "navigating" if mps else "idle", "velocity": {"linear": mps}} | replaced
+    of.receive(status("A", NOW_S + t, x, **fields), NOW_S + t, LINE)
     return of.next_batch(NOW_S + t)
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ingest.fleet.departures import OffFloor
+from ingest.fleet.owners.departures import OffFloor
 from ingest.fleet.robot import Robot
 from ingest.recording.operator_events import OffFloorMark
 
