@@ -20,10 +20,10 @@ quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's sha
 well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a WebSocket.
 `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if its robot is
 not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person, who may also say
-that it is `off_floor` (`ingest/fleet/owners/departures.py`). A tick has an `effort` if the engine had no time for everything
-(`deconflict/engine/load_shedding.py`), a number `pending` of answers if advice was still being computed
-(`deconflict/advice/deferred_answers.py`), and `followed` if robots did what they were asked: each robot with that for
-which it was asked (`deconflict/adviser/`).
+that it is `off_floor` (`ingest/fleet/owners/departures.py`). A tick has an `effort` if the engine had no time for
+everything (`deconflict/engine/load_shedding.py`), a number `pending` of answers if advice was still being computed
+(`deconflict/advice/deferred_answers.py`), and `followed` if robots did what they were asked: each robot with that
+for which it was asked (`deconflict/adviser/`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them

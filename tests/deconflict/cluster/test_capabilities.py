@@ -118,7 +118,7 @@ async def rest(url: str) -> None:
     async with connect(url) as socket:
         await socket.send(identity("S", time.time()))
         while True:
-            stands = {"operationalState": "idle", "velocity": {"linear": 0.0}}
+            stands: dict[str, Any] = {"operationalState": "idle", "velocity": {"linear": 0.0}}
             await socket.send(status("S", time.time(), 40.0, 40.0, **stands))
             await asyncio.sleep(0.5)
 
