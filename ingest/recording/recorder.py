@@ -139,9 +139,7 @@ class Recorder:
         self._add(json.dumps(line, separators=(",", ":")).encode() + b"\n")
 
     def off_floor(self, mark: OffFloorMark) -> None:
-        line = {"off_floor": timestamps.write(mark.at_s)} | msgspec.structs.asdict(mark)
-        del line["at_s"]
-        self._add(json.dumps(line, separators=(",", ":")).encode() + b"\n")
+        self._add(mark_line(mark))
 
     def engine_started(self, now_s: float) -> None:
         self._add(f'{{"engine":"started","at":"{timestamps.write(now_s)}"}}\n'.encode())
@@ -205,6 +203,13 @@ class Recorder:
         self._bytes += len(line)
         if self._bytes > FLUSH_BYTES:
             self.flush()
+
+
+def mark_line(mark: OffFloorMark) -> bytes:
+    """The line of what was said of a robot."""
+    line = {"off_floor": timestamps.write(mark.at_s)} | msgspec.structs.asdict(mark)
+    del line["at_s"]
+    return json.dumps(line, separators=(",", ":")).encode() + b"\n"
 
 
 def line_of(message: Received) -> bytes:

@@ -30,6 +30,13 @@ class _Marks(msgspec.Struct):
     off_floor: list[OffFloorMark] = []
 
 
+def kept_marks(log_directory: Path) -> list[OffFloorMark]:
+    """The robots that are off the floor by the file beside a log. Empty if it can't be read."""
+    with suppress(OSError, ValueError):
+        return msgspec.json.decode(read_file(log_directory.parent / FILE_NAME), type=_Marks).off_floor
+    return []
+
+
 class OwnerFile:
     """Reads the register at the start and writes it when it has changed. A failure is logged and counted."""
 

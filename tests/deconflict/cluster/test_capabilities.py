@@ -232,7 +232,7 @@ async def shows_the_past(run: Tried) -> bool:
     if (at_s := (await run.get("/recorded")).json()["to_s"]) is None:
         return False
     floor = (await run.get(f"/past?at_s={at_s}")).json()["floor"]
-    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L")}
+    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L", "S")}
 
 
 async def gives_robots(run: Tried) -> bool:
