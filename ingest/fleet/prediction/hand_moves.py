@@ -9,8 +9,8 @@ from typing import NamedTuple
 from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.fleet.prediction.path_forecast import PLAUSIBLE_SPEED_MPS
 
-SLACK_M = 1.0
-"""A position may change by this without a move, by noise and corrections of the localisation."""
+SLACK_M = 2.0
+"""A position may change by this without a move by hand: by noise and corrections, and by a start before the report."""
 FASTER = 1.5
 """A robot may be so many times faster than it says."""
 STARTS_MPS2 = 2.0

@@ -94,10 +94,10 @@ def test_a_robot_that_is_back_is_judged_at_once(floor: Aisle, is_driven: bool) -
     floor.wait(2.0)
     for second, _ in enumerate(floor.seconds(5)):
         if is_driven:
-            floor.say("stands", 11.0 - second, 0.0, -1.0, velocity={"linear": -1.0})
+            floor.say("stands", 16.0 - second, 0.0, -1.0, velocity={"linear": -1.0})
         elif not second:
             floor.mark(is_off=False)
-        floor.say("first", 1.0 if is_driven else 8.0, 0.0, 1.0)
+        floor.say("first", 8.0, 0.0, 1.0)
     assert robot("stands") in floor.engine.live.robots
     assert [each.state for each in floor.of("conflict", AdvisoryState.RAISED)] != []
     assert [each.kind for each in floor.engine.open()] == ["conflict"]
