@@ -14,6 +14,7 @@ from deconflict.operator.blackbox.start_state import BoxError
 from deconflict.operator.http import json_schemas
 from deconflict.roles.processes.backup_command import add_backup
 from deconflict.roles.processes.disk_room import disk_lines
+from deconflict.roles.processes.off_floor_command import add_off_floor
 from deconflict.roles.processes.ports import PortTakenError
 from deconflict.roles.service_commands import add_service_commands, add_site_new, serving_problems
 from deconflict.runtime.command_parsers import GC_THRESHOLDS, MISUSED, CommandParser, Commands, add_command, number_in
@@ -72,6 +73,7 @@ def parser() -> argparse.ArgumentParser:
     add_simulation_commands(commands, render)
     add_service_commands(commands)
     add_backup(commands)
+    add_off_floor(commands)
     _add_check(commands)
     _add_site(commands)
     add_log_commands(commands)

@@ -231,8 +231,7 @@ class Batch:
     doubt_m: Floats
     """(n,) how far off the position may be as reported."""
     reports_within_s: Floats
-    """(n,) the next status may come as late as this by the rules of the robot's language; 0 if there is no such
-    rule."""
+    """(n,) the next status may come as late as this by the rules of the robot's language; 0 without such a rule."""
     amounts: NDArray[Any]
     """(n,) of `AMOUNTS`."""
     forecasts: Forecasts
@@ -249,6 +248,10 @@ class Batch:
     """(n,) who reports each robot, as `ingest.port.connection` says it. If not given, the vendors."""
     examined: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(n,) whether the robot is compared with others. If not given, all are."""
+    off_floor: tuple[str, ...] = ()
+    """Those of `gone` that a person took off the floor."""
+    began_anew: tuple[str, ...] = ()
+    """UUIDs of robots of this batch whose presence ended before their report: they were moved by hand, or came back."""
     came_s: Floats = field(default_factory=lambda: np.empty(0))
     """(n,) since when the robot is known without a break. If not given, since the tick."""
 
@@ -273,6 +276,8 @@ class Batch:
         texts: dict[str, Any] = {name: tuple(getattr(self, name)[row] for row in chosen) for name in _ROBOT_TEXTS}
         arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
         parts: dict[str, Any] = {part: getattr(self, part).take(rows) for part in _PARTS}
+        ended = {"off_floor": gone, "began_anew": texts["robots"]}
+        texts |= {name: tuple(filter(of.__contains__, getattr(self, name))) for name, of in ended.items()}
         return replace(self, gone=gone, **texts, **arrays, **parts)
 
     @classmethod
@@ -280,12 +285,12 @@ class Batch:
         """All the robots of one or more batches, as of the last one's tick. Its floors begin with all other lists."""
         if len(parts) == 1:
             return parts[0]
-        texts: dict[str, Any] = {name: _concatenated(map(attrgetter(name), parts)) for name in _ROBOT_TEXTS}
+        texts: dict[str, Any] = {name: _concatenated(map(attrgetter(name), parts)) for name in (*_ROBOT_TEXTS, *_NAMED)}
         arrays: dict[str, Any] = {name: np.concatenate([*map(attrgetter(name), parts)]) for name in _ARRAYS}
         joint: dict[str, Any] = {
             part: kind.joined([getattr(batch, part) for batch in parts]) for part, kind in _PARTS.items()
         }
-        return replace(parts[-1], gone=_concatenated(batch.gone for batch in parts), **texts, **arrays, **joint)
+        return replace(parts[-1], **texts, **arrays, **joint)
 
     def to_bytes(self) -> bytes:
         """A line of JSON with the texts and the layout of the arrays, then the bytes of the arrays in that order."""
@@ -338,7 +343,8 @@ def _concatenated(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 _ROBOT_TEXTS = ("robots", "vendors", "models", "names", "states", "participants", "sources")
-_HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, "gone", "claims")
+_NAMED = ("gone", "off_floor", "began_anew")
+_HEAD_KEYS = ("now_s", "floors", *_ROBOT_TEXTS, *_NAMED, "claims")
 _NUMBERS = ("statuses", "first_arrival_s", "arrival_s", "event_s", "basis", "doubt_m", "reports_within_s", "came_s")
 _ARRAYS = (*_NUMBERS, "examined", "amounts")
 _PARTS: dict[str, Any] = {"forecasts": Forecasts, "destinations": Destinations}

@@ -118,7 +118,7 @@ class ConflictLifecycle:
         a while before. The pass looked no further than `until_s`: an open advisory on a later conflict stands as it is.
         """
         self.started_s = now_s if self.started_s is None else self.started_s
-        revisions = [self._settled(*each) for each in self._unseen.ends(returned, predictions, now_s)]
+        revisions = [self._settled(*each) for each in self._unseen.ends(returned, predictions, now_s, scene)]
         examination, candidates = self.pairs.examine(predictions, updated, now_s, scene.encounters), []
         for found in examination.found:
             outcome = self._revise_predicted(found, now_s, scene)

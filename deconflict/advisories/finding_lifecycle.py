@@ -134,6 +134,12 @@ class FindingLifecycle:
         self._clear_after_s = clear_after_s
         self._watched = {finding_key(advisory): _WatchedFinding(advisory=advisory) for advisory in restored}
         self._is_first_look = True
+        self._off_floor: set[str] = set()
+        """Robots that a person took off the floor since the last look."""
+
+    def end_without(self, off_floor: Iterable[str]) -> None:
+        """At the next look, what is not found any more without these robots ends at once."""
+        self._off_floor.update(off_floor)
 
     def open(self) -> list[FindingAdvisory]:
         """The newest revision of every open advisory."""
@@ -157,10 +163,13 @@ class FindingLifecycle:
                 watched.found_s = now_s + RESTORED_S - self._clear_after_s
         found = {finding.key: finding for finding in map(_limited, findings)}
         revisions: list[FindingAdvisory] = []
+        off_floor, self._off_floor = self._off_floor, set()
         for key in sorted(found.keys() | self._watched.keys()):
             watched = self._watched.setdefault(key, _WatchedFinding())
             watched.looks.append(key in found)
             revision = self._revision(watched, found.get(key), now_s, named)
+            if not revision and watched.advisory and key not in found:
+                revision = _cleared_without(watched.advisory, off_floor, now_s)
             if revision:
                 revisions.append(revision)
                 watched.advisory = None if revision.state is AdvisoryState.CLEARED else revision
@@ -180,6 +189,13 @@ class FindingLifecycle:
         if before and now_s - watched.found_s >= self._clear_after_s:
             return before.cleared_revision(now_s, CLEARED_CODES[before.kind])
         return None
+
+
+def _cleared_without(advisory: FindingAdvisory, off_floor: set[str], now_s: float) -> FindingAdvisory | None:
+    """The revision that clears an advisory of which a robot was taken off the floor; None if none was."""
+    names = [name for uuid, name in zip(advisory.robots, advisory.names, strict=True) if uuid in off_floor]
+    code = ClearedCode.OFF_FLOOR
+    return advisory.cleared_revision(now_s, code, code.because.format(name=" and ".join(names))) if names else None
 
 
 def finding_key(advisory: FindingAdvisory) -> str:

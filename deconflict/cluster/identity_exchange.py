@@ -1,4 +1,5 @@
-"""What all ingests share of robots: identity reports, since statuses may come to another ingest, and given owners."""
+"""What all ingests share of robots: identity reports, since statuses may come to another ingest, given owners, and
+which robots are off the floor."""
 
 import asyncio
 import json
@@ -7,10 +8,13 @@ import time
 from collections.abc import Iterator
 from math import inf
 
+import msgspec
+
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.recording.operator_events import OffFloorMark
 
 log = logging.getLogger(__name__)
 
@@ -33,17 +37,23 @@ class IdentityExchange:
         """Reports of other ingests that the receiver does not have yet."""
         self._given: dict[str, str] = {}
         """Robots that the receiver does not know to be given yet, with their vendors."""
+        self._marks: dict[str, OffFloorMark] = {}
+        """Robots of which the receiver does not know yet whether they are off the floor."""
+        self._returned: list[OffFloorMark] = []
+        """Robots that were heard elsewhere here, which the others do not know yet."""
         self._delivered_s: dict[str, float] = {}
         """When the receiver last got the report of an unidentified robot."""
 
     async def run(self) -> None:
         """Exchange reports without end, also while the server or the receiver does not answer."""
         await self._bus.state.follow_given(self._give)
+        await self._bus.state.follow_off_floor(self._mark)
         await self._bus.state.follow_identities(self._add)
         while True:
             await asyncio.sleep(EXCHANGE_EVERY_S)
             try:
                 await self._deliver_given()
+                await self._exchange_marks()
                 await self._send_new()
                 await self._deliver()
             except (LinkDownError, *BUS_ERRORS) as error:
@@ -67,6 +77,20 @@ class IdentityExchange:
                 log.warning("robot %s can't be given to %s here: %s", uuid, vendor, answer["problem"])
             if self._given[uuid] == vendor:
                 del self._given[uuid]
+
+    def _mark(self, mark: OffFloorMark) -> None:
+        self._marks[mark.uuid] = mark
+
+    async def _exchange_marks(self) -> None:
+        """Tell the others which robots came back here, and the receiver what was said of robots elsewhere."""
+        self._returned += msgspec.json.decode(await self._receiver.call("take_returned"), type=list[OffFloorMark])
+        while self._returned:
+            await self._bus.state.mark_off_floor(self._returned[0])
+            del self._returned[0]
+        for uuid, mark in list(self._marks.items()):
+            await self._receiver.call("mark_off_floor", msgspec.json.encode(mark))
+            if self._marks[uuid] is mark:
+                del self._marks[uuid]
 
     async def _send_new(self) -> None:
         """Send the receiver's new reports to the others; all of them after a reconnect, which may lose some."""

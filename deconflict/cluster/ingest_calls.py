@@ -5,8 +5,10 @@ import json
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from math import inf
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from deconflict.cluster.ingest_feed import LISTED, PAST, RECORDED
@@ -19,6 +21,7 @@ from deconflict.runtime.rpc import Handler, LinkDownError
 from ingest.batch import Batch
 from ingest.frames.floor_numbers import FloorNumbers
 from ingest.measures.measures import Measures
+from ingest.recording.operator_events import OffFloorMark
 
 WITHIN_S, ROBOTS_WITHIN_S = 1.5, 8.0
 """Time limits of answers. The documents of ten thousand robots take seconds."""
@@ -52,6 +55,8 @@ class IngestCalls:
             RECORDED: self._recorded,
             PAST: self._past,
             "give_robot": self._give_robot,
+            "off_floor": self._off_floor,
+            "mark_off_floor": self._mark_off_floor,
         }
 
     async def run(self) -> None:
@@ -115,6 +120,21 @@ class IngestCalls:
         except BUS_ERRORS as error:
             raise LinkDownError("NATS server") from error
         return json.dumps({"before": owners.get(uuid), "problem": ""}).encode()
+
+    async def _off_floor(self, _: bytes) -> bytes:
+        """The robots that are off the floor: each as the ingest has it that heard it last."""
+        rows = [row for rows in await self._lists("off_floor") for row in rows]
+        oldest_first = sorted(rows, key=lambda row: inf if row["age_s"] is None else row["age_s"], reverse=True)
+        return json.dumps(list({row["uuid"]: row for row in oldest_first}.values())).encode()
+
+    async def _mark_off_floor(self, payload: bytes) -> bytes:
+        """Let a robot be off the floor at every ingest, also at one that is down now, or on it. What holds now."""
+        mark = msgspec.structs.replace(msgspec.json.decode(payload, type=OffFloorMark), at_s=time.time())
+        try:
+            held = await self._bus.state.mark_off_floor(mark)
+        except BUS_ERRORS as error:
+            raise LinkDownError("NATS server") from error
+        return msgspec.json.encode(held if held.is_off else None)
 
     async def _follow(self, payload: bytes) -> bytes:
         """The next batch of all ingests, as `ReceiverRole` gives those of one."""

@@ -32,7 +32,7 @@ WHOLE = b"0"
 
 LISTED = ("quarantine", "measures", "unidentified", "senders", "brokers")
 """Questions whose answer is a list, so that those of several ingests are one list."""
-QUESTIONS = {"robots": b"", **dict.fromkeys(LISTED, b""), "follow": WHOLE}
+QUESTIONS = {"robots": b"", "off_floor": b"", **dict.fromkeys(LISTED, b""), "follow": WHOLE}
 """The questions that an operator face may ask of the receiver, and the payload of each call."""
 RECORDED, PAST = "recorded", "past"
 """Questions to the recording: its span, and the floor at a time, which follows."""

@@ -132,6 +132,7 @@ class Contention:
         for resource, dwell_s in self.robots.update(batch):
             self._dwells[resource].add(dwell_s)
         self.robots.forget(batch.gone)
+        self._lifecycle.end_without(batch.off_floor)
 
     def step(self, now_s: float) -> list[FindingAdvisory]:
         """The revisions of this look; none between looks."""

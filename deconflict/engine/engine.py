@@ -182,7 +182,8 @@ class Engine:
         batch = batch if batch.examined.all() else batch.take(np.flatnonzero(batch.examined), batch.gone)
         batch = self.presence.receive(self.floors.renumbered(batch))
         self.foresight.resolve_absent(self.presence.passed)
-        self._shared.receive(self._add(batch))
+        for part in presence_batches.with_end_before(batch):
+            self._shared.receive(self._add(part))
 
     def _add(self, batch: Batch) -> Batch:
         """Add a batch to all that predicts conflicts; the batch with the forecasts that are believed."""

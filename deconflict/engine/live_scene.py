@@ -40,7 +40,11 @@ class LiveScene:
 
     def absence(self, uuid: str) -> Absence | None:
         if uuid in self._live.robots:
+            if uuid in self._presence.moved:
+                return Absence(ClearedCode.MOVED_BY_HAND)
             return Absence(ClearedCode.LEFT_IN_SILENCE) if self._presence.has_probably_left(uuid) else None
+        if uuid in self._presence.off_floor:
+            return Absence(ClearedCode.OFF_FLOOR)
         removed = self._presence.removal_of(uuid)
         return Absence(ClearedCode.DRIVEN_THROUGH, removed.by) if removed else GONE
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from deconflict.cluster.members_health import SILENT_FOLLOWER, unknown_members
 from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
@@ -21,7 +23,7 @@ from deconflict.operator.live.history import BusyError, History
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.store.store import StoreError
 from deconflict.operator.vendor_health import vendor_health
-from deconflict.roles.health.admission_health import admission_document, pairs_document
+from deconflict.roles.health.admission_health import admission_document, off_floor_document, pairs_document
 from deconflict.roles.health.canary_health import LATENCY, CanaryHealth
 from deconflict.roles.health.certificate_health import EXPIRES, CertificateHealth
 from deconflict.roles.health.clock_health import ClockHealth
@@ -38,12 +40,13 @@ from deconflict_client.answers.loss_models import LossList
 from ingest.batch import Batch
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.measures.measures import Measures, joined_values
+from ingest.recording.operator_events import OffFloorMark
 
 ENGINE_STALE_S = 5.0
 """An engine that has not reported for this long counts as down; it reports every second."""
 HEALTH_TIMEOUT_S = 3.0
 """A receiver that does not answer for this long counts as down."""
-LIVE_QUESTIONS = "unidentified", "senders", "brokers"
+LIVE_QUESTIONS = "unidentified", "senders", "brokers", "off_floor"
 """Questions to the receiver for the page; each answer is a list."""
 REFUSALS_EVERY_S = 5.0
 MEMBERS = {"deconflict_members": "there", "deconflict_members_expected": "expected"}
@@ -100,13 +103,10 @@ class OperatorSources:
         problem = VendorRegistry(self.history.site.vendors).problem_of_giving(uuid, vendor)
         if self._is_cluster and problem:  # an ingest that is down can't say it
             return {"before": None, "problem": problem}
-        try:
-            answer: dict[str, Any] = json.loads(
-                await self._receiver.call("give_robot", json.dumps([uuid, vendor]).encode())
-            )
-        except LinkDownError as error:
-            raise SourceUnavailableError(await self._missing_role()) from error
-        return answer
+        return dict(await self._ask("give_robot", json.dumps([uuid, vendor]).encode()))
+
+    async def mark_off_floor(self, mark: OffFloorMark) -> dict[str, Any]:
+        return dict(await self._ask("mark_off_floor", msgspec.json.encode(mark)) or {})
 
     def presence(self) -> dict[str, Any]:
         return self._engine.presence
@@ -146,10 +146,9 @@ class OperatorSources:
     async def health(self) -> dict[str, Any]:
         receiver = await self._receiver_measures()
         up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
-        brokers: list[dict[str, Any]] = []
         if receiver is not None:
             self._recording.note_measures(receiver)
-            brokers = await self._listed("brokers")
+        brokers, off_floor = [await self._listed(each) if receiver else [] for each in ("brokers", "off_floor")]
         positions = positions_document(receiver or [])
         if positions["robots"]:
             positions = positions_document(receiver or [], await self._listed("senders"))
@@ -165,6 +164,7 @@ class OperatorSources:
             "refused_or_lost": self._refusals.document(time.monotonic()),
             "supervisor": supervisor_health(self._runtime),
             "clock": self.clock.document(),
+            "off_floor": off_floor_document(off_floor),
         }
         if self._is_alone:
             parts["cluster"] = {"status": "degraded", "reason": ALONE}
@@ -218,27 +218,26 @@ class OperatorSources:
         `fading` has the probability that each silent robot is still there, `taken_off` when each robot that is
         no longer there was heard last.
         """
-        receiver, documents = await self._receiver_measures(), self._engine.measures
+        receiver = await self._receiver_measures()
+        documents = [*self._engine.measures, *(receiver or [])]
         members: str = (await self._members()).get("reason", "")
         up = await self._roles_up(receiver is not None)
-        unidentified, senders, brokers = [], [], []
-        if receiver is not None:
-            documents = [*documents, *receiver]
-            unidentified, senders, brokers = [await self._listed(each) for each in LIVE_QUESTIONS]
+        lists = {each: await self._listed(each) if receiver is not None else [] for each in LIVE_QUESTIONS}
         presence = self._engine.presence
         return {
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
             "vendors": {
                 vendor.name: vendor.model_dump(mode="json", exclude={"name"})
-                for vendor in vendor_health(documents, senders)
+                for vendor in vendor_health(documents, lists["senders"])
             },
-            "brokers": broker_notes(brokers),
+            "brokers": broker_notes(lists["brokers"]),
             "preparing": preparation(self._runtime),
             "engine_starting": self._is_first_engine_starting(),
             "effort": self._effort(),
             "notice": " ".join(filter(None, [self.notice, self.clock.notice, members and f"{members}."])),
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
-            "unidentified": unidentified,
+            "unidentified": lists["unidentified"],
+            "off_floor": lists["off_floor"],
             "fading": presence["fading"],
             "taken_off": {uuid: removal["heard_s"] for uuid, removal in presence["taken_off"].items()},
             "distrusted": presence.get("distrusted", []),

@@ -20,6 +20,7 @@ from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
 from deconflict.roles.processes.ports import PortTakenError
+from deconflict.roles.processes.robot_calls import RobotCalls
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path
 from deconflict.settings.hot_reload import CurrentSite
@@ -68,8 +69,7 @@ class ReceiverRole:
     def __init__(self, site: Site, runtime: Path, log: Path, wall: Callable[[], float] = time.time) -> None:
         """`wall` is the host's clock."""
         self._clock = SteadyClock(wall, time.monotonic)
-        self.site, self._runtime = site, runtime
-        self.measures = Measures()
+        self.site, self._runtime, self.measures = site, runtime, Measures()
         self.measures.begin(
             "deconflict_ticks_total", "deconflict_recorded_bytes_total", "deconflict_recorded_lines_dropped_total"
         )
@@ -82,6 +82,7 @@ class ReceiverRole:
         if found.messages:
             logger.info("%s", summary(self.fleet, found))
         self.recorder = Recorder(site.recorder, log, self.measures, self._now_s, ClockFile(log.parent).known_time)
+        self._robot_calls = RobotCalls(self.fleet, self.recorder, self._now_s)
         self.receiver = Receiver(
             site.receiver,
             VendorCredentials(site.vendors),
@@ -121,7 +122,7 @@ class ReceiverRole:
             "grant_brokers": self._brokers.grant,
             "senders": self._what_to_mend,
             "brokers": self._broker_documents,
-            "give_robot": self._give_robot,
+            **self._robot_calls.handlers(),
         }
         await self._open_port()
         self._dial()
@@ -228,6 +229,7 @@ class ReceiverRole:
         self.measures.count("deconflict_ticks_total")
         self._ask_for_fast_path()
         batch = self.fleet.next_batch(now_s, everything).to_bytes()
+        self._robot_calls.record_returned()
         self._recent.add(now_s, batch)
         if not was_behind and self.recorder.behind:
             await asyncio.to_thread(self.recorder.sync, DISK_TIMEOUT_S)
@@ -316,17 +318,6 @@ class ReceiverRole:
                 self.recorder.received(shared_identity.raw, now_s, connection, rule)
                 self._closed(connection)
         return b""
-
-    async def _give_robot(self, payload: bytes) -> bytes:
-        """Let a robot belong to a vendor. The answer is the owner before, or why it can't be given."""
-        uuid, vendor = json.loads(payload)
-        before = self.fleet.owners.owner(uuid)
-        problem = self.fleet.owners.problem_of_giving(uuid, vendor)
-        if not problem and before != vendor:
-            self.fleet.give(uuid, vendor)
-            self.recorder.given(uuid, vendor, self._now_s())
-            logger.info("robot %s was given to %s; before, it was %s", uuid, vendor, before or "nobody's")
-        return json.dumps({"before": before, "problem": problem}).encode()
 
     async def _measures(self, _: bytes) -> bytes:
         if (now_s := self._now_s()) >= self._measured_s + MEASURE_EVERY_S:

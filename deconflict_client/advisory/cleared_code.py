@@ -23,6 +23,8 @@ class ClearedCode(StrEnum):
     BOTH_SILENT = "both_silent", "both are silent, and nothing says that they move"
     LEFT = "left", "{name} left the floor"
     LEFT_IN_SILENCE = "left_in_silence", "{name} is silent and has probably left"
+    OFF_FLOOR = "off_floor", "{name} is off the floor, as an operator says"
+    MOVED_BY_HAND = "moved_by_hand", "{name} was moved by hand, or its localisation jumped"
     DRIVEN_THROUGH = "driven_through", "{name} is not there: {by} has driven through its place"
     NO_LONG_WAIT = "no_long_wait", "nobody is expected to wait long any more"
     WITHIN_CAPACITY = "within_capacity", "no more robots are there than it takes"

@@ -91,6 +91,24 @@ class Owned(BaseModel):
     before: str | None = Field(description="the owner before; null if there was none")
 
 
+class OffFloorStatement(BaseModel):
+    """Whether a robot is off the floor, and who says so."""
+
+    off_floor: bool = Field(True, description="false puts it back")
+    name: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = Field(
+        default="", description="required if people do not sign in; ignored if they do"
+    )
+
+
+class OffFloorState(BaseModel):
+    """Whether a robot is off the floor now. The first statement counts until it is taken back."""
+
+    uuid: str
+    off_floor: bool
+    by: str | None = Field(description="who said so; null if it is on the floor")
+    at_s: float | None = Field(description="when, seconds since the epoch; null if it is on the floor")
+
+
 class QuarantineList(BaseModel):
     """The rejected messages that are kept, each with its rule and reason."""
 

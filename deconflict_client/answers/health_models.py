@@ -28,6 +28,11 @@ class RobotsHealthPart(PartHealth):
     robots: int = Field(description="robots that it concerns")
 
 
+class OffFloorHealthPart(PartHealth):
+    robots: int = Field(0, description="how many robots are off the floor, as operators say")
+    still_heard: list[str] = Field([], description="names of some of these that are still heard where they were")
+
+
 class BrokersHealthPart(PartHealth):
     notes: list[str] = Field(description="topics of robots that are not heard, and what to set")
     heard_by: dict[str, list[str]] = Field({}, description="by broker, the connected ingests of a cluster")
@@ -109,6 +114,7 @@ class ServiceHealth(BaseModel):
     refused_or_lost: RefusalsHealthPart | None = Field(None, description="what was refused or lost in ten minutes")
     supervisor: PartHealth | None = None
     clock: PartHealth | None = None
+    off_floor: OffFloorHealthPart | None = None
     canary: CanaryHealthPart | None = Field(None, description="null while `cluster` is there")
     members: MembersHealthPart | None = Field(None, description="of a cluster; null on a single machine")
     cluster: PartHealth | None = Field(

@@ -58,6 +58,28 @@ class TakenOff(BaseModel):
     by: str = Field(description="name of the other robot")
 
 
+class OffFloorNote(BaseModel):
+    """What an operator says of a robot that is off the floor."""
+
+    by: str = Field(description="who says so; empty if people do not sign in and gave no name")
+    at_s: float = Field(description="since when, seconds since the epoch")
+    floor: str | None = Field(description="UUID of the datum on which it was; null for a map on no floor")
+    x: float = Field(description="where it was, metres")
+    y: float = Field(description="metres")
+    still_heard: bool = Field(description="whether it has reported since, from the same place")
+    age_s: float | None = Field(description="since its last status; null if none is known")
+
+
+class MovedByHand(BaseModel):
+    """The last move that a robot can't have driven."""
+
+    at_s: float = Field(description="when it was first heard at the other place, seconds since the epoch")
+    distance_m: float
+    took_s: float = Field(description="time between the two poses")
+    times: int = Field(description="how many such moves there were since it is known")
+    sentence: str
+
+
 class HeardRobot(BaseModel):
     """One robot. What depends on its position is null or absent until it has one."""
 
@@ -92,6 +114,8 @@ class HeardRobot(BaseModel):
     doubt_m: float | None = Field(None, description="how far its position may be off")
     envelope: RobotEnvelope | None = None
     forecast: RobotForecast | None = None
+    off_floor: OffFloorNote | None = Field(None, description="null unless an operator says that it is off the floor")
+    moved: MovedByHand | None = Field(None, description="null if all its moves can have been driven")
     still_there: float = Field(description="the probability that it is still on the floor")
     taken_off: TakenOff | None = None
 

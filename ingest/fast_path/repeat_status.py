@@ -18,6 +18,7 @@ from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.hand_moves import is_out_of_reach
 from ingest.fleet.prediction.pace import TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
@@ -90,11 +91,13 @@ class RepeatReader:
         )
         if not knots:
             return None
+        offset_s, state = event_s - stamp_s, self.texts.state
+        seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, offset_s, state=state)
+        if is_out_of_reach(before, seen, robot.doubt_m, self.context.body.max_speed_mps):
+            return None
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
         robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
-        offset_s, state = event_s - stamp_s, self.texts.state
-        seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, offset_s, state=state)
         robot.before, robot.seen = before, plausibility.in_motion(before, seen)
         robot.pace.observe(robot.seen)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ingest.batch import AMOUNTS, Batch, Claim, Destinations, Floats, Forecasts, Ints
+from ingest.fleet.owners.departures import Departures
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast
-from ingest.fleet.robot import Robot
 from ingest.shapes import shapes_of
 
 
-def batch(
-    robots: Sequence[Robot], now_s: float, floors: tuple[str, ...], gone: tuple[str, ...], claims: tuple[Claim, ...]
-) -> Batch:
+def batch(departures: Departures, now_s: float, floors: tuple[str, ...], claims: tuple[Claim, ...]) -> Batch:
     """The batch of the given robots, as they are known now. Each must have a forecast and a sighting."""
+    robots = departures.robots
     forecasts: list[Forecast] = list(_values(robots, "forecast"))
     return Batch(
         now_s=now_s,
@@ -37,7 +36,9 @@ def batch(
         amounts=np.array(list(_values(robots, "amounts")), AMOUNTS),
         forecasts=_forecasts(forecasts),
         destinations=_destinations(list(_values(robots, "stops"))),
-        gone=gone,
+        gone=departures.gone,
+        off_floor=departures.off_floor,
+        began_anew=departures.began_anew,
         claims=claims,
         participants=tuple(_values(robots, "participant")),
         sources=tuple(_values(robots, "source")),

@@ -17,6 +17,7 @@ from ingest.clocks import SenderClock
 from ingest.fleet.batch_builder import batch
 from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
 from ingest.fleet.owners import language_choice
+from ingest.fleet.owners.departures import Departures
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -59,6 +60,7 @@ class Fleet:
         """The robot of the newest message that was accepted."""
         self._claims = OwnershipClaims()
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
+        self.off_floor = self.owners.off_floor
         self._left: list[str] = []
         """UUIDs of robots that were dropped since the last batch."""
         self.note_identity: Callable[[str], object] = lambda _: None
@@ -228,6 +230,7 @@ class Fleet:
                 self._claims.add_sighting(robot.uuid, robot.vendor, robot.seen, sighting, gap_s, arrival_s)
             if event_s < robot.seen.t_s:
                 return (*findings, "stamp-not-increasing")
+            self.off_floor.note_sighting(robot, robot.seen, sighting, self.measures)
         robot.state, robot.known_state = status.state, status.known_state
         robot.amounts, robot.is_outdated = status.amounts, False
         self._note_newest(robot, raw, arrival_s, connection)
@@ -311,12 +314,12 @@ class Fleet:
         """The robots that changed since the last batch, or all with `everything`, and those forgotten."""
         gone = self._forget_silent(now_s)
         self.message_rates.observe(now_s, self.measures.values["deconflict_messages_total"])
-        clocks = ((robot.vendor, robot.clock) for robot in self.robots.values() if robot.seen)
-        self.clock_changes.observe(now_s, clocks)
+        self.clock_changes.observe(now_s, ((robot.vendor, robot.clock) for robot in self.robots.values() if robot.seen))
         self._reconsider()
         robots = [robot for robot in (self.robots if everything else self._changed).values() if robot.forecast]
         self._changed = {}
-        built = self._batch(robots, now_s, gone)
+        departures = self.off_floor.departures(robots, self.robots, gone, self.placement.floor_ids, self.measures)
+        built = batch(departures, now_s, self.placement.floor_ids, self._claims.standing(now_s))
         for robot in robots:
             robot.statuses = 0
         return built
@@ -324,10 +327,8 @@ class Fleet:
     def snapshot(self, now_s: float) -> Batch:
         """All robots as they are known now. The next batch does not depend on it."""
         self._reconsider()
-        return self._batch([robot for robot in self.robots.values() if robot.forecast], now_s, ())
-
-    def _batch(self, robots: list[Robot], now_s: float, gone: tuple[str, ...]) -> Batch:
-        return batch(robots, now_s, self.placement.floor_ids, gone, self._claims.standing(now_s))
+        robots = self.off_floor.without([robot for robot in self.robots.values() if robot.forecast])
+        return batch(Departures(robots), now_s, self.placement.floor_ids, self._claims.standing(now_s))
 
     def _forget_silent(self, now_s: float) -> tuple[str, ...]:
         """Forget the robots that were silent for too long. Returns their UUIDs, and those that were dropped before."""

@@ -11,7 +11,7 @@ from typing import Any
 from ingest.batch import Basis
 from ingest.clocks import SenderClock, vendor_offset
 from ingest.fleet.fleet import Fleet
-from ingest.fleet.owners import comparability
+from ingest.fleet.owners import comparability, off_floor_report
 from ingest.fleet.owners.admission import UNEXAMINED
 from ingest.fleet.owners.comparability import NotCompared, shown_by_history, unexamined_sentence
 from ingest.fleet.owners.device_kinds import participant_of
@@ -36,7 +36,7 @@ def measure(fleet: Fleet, now_s: float) -> None:
     by_language: dict[tuple[str, ...], float] = {}
     ages_s: dict[str, list[float]] = {}
     clocks: dict[str, list[SenderClock]] = {}
-    for robot in fleet.robots.values():
+    for robot in fleet.off_floor.without(list(fleet.robots.values())):
         key = robot.vendor, _measured_state(robot, fleet.reading, now_s)
         robots[key] = robots.get(key, 0) + 1
         spoken = robot.vendor, robot.language
@@ -102,6 +102,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "sizes": [*(robot.size.notes if robot.size else ()), *robot.loads.notes],
         "identity": _message(robot, robot.shared_identity.raw if robot.shared_identity else b""),
         "status": _message(robot, robot.status_raw),
+        **off_floor_report.robot_parts(fleet.off_floor, robot, now_s),
         **_placement(robot),
     }
 
@@ -124,6 +125,9 @@ def _destination(fleet: Fleet, robot: Robot) -> dict[str, Any] | None:
 
 
 def _why_not_compared(fleet: Fleet, robot: Robot, now_s: float) -> NotCompared | None:
+    if mark := fleet.off_floor.marks.get(robot.uuid):
+        return NotCompared("", f"it is off the floor, says {mark.by}")
+
     def is_alone(of: Robot) -> bool:
         others = (other.frame for other in fleet.robots.values() if other is not of)
         return not any(frame and of.frame and frame.floor == of.frame.floor for frame in others)
@@ -132,8 +136,8 @@ def _why_not_compared(fleet: Fleet, robot: Robot, now_s: float) -> NotCompared |
 
 
 def _not_compared(fleet: Fleet, now_s: float) -> Iterator[tuple[Robot, NotCompared]]:
-    """The robots that are compared with nobody, except those that are silent, with the reason."""
-    for robot in fleet.robots.values():
+    """The robots that are compared with nobody, except those that are silent or off the floor, with the reason."""
+    for robot in fleet.off_floor.without(list(fleet.robots.values())):
         why = _why_not_compared(fleet, robot, now_s)
         if why and (why.fault or presence(robot, fleet.reading, now_s) != "silent"):
             yield robot, why

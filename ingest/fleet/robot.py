@@ -8,6 +8,7 @@ from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import NO_AMOUNTS, Amounts, Floats
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
+from ingest.fleet.prediction.hand_moves import HandMove
 from ingest.fleet.prediction.heading_sense import Sense
 from ingest.fleet.prediction.pace import Pace
 from ingest.fleet.prediction.position_unit import UnitMoves
@@ -72,6 +73,8 @@ class Robot:
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
     """The one with which that was reconciled."""
+    moved: HandMove | None = None
+    """The last move that it can't have driven."""
     is_outdated: bool = False
     """Whether an update came that its forecast does not have yet."""
     was_blocked: bool = False
@@ -130,6 +133,12 @@ class Robot:
         self.rejected = self.rejected + 1 if is_further else 1
         self.heard_s = self.rejected_s = arrival_s
         self.rejected_reason = reason
+
+    def begin_anew(self, move: HandMove) -> None:
+        """It was moved by hand: its next sighting is compared with none before."""
+        self.moved, self.seen, self.before = move, None, None
+        self.trailer_yaws_rad = ()
+        self.pace.begin_anew()
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""

@@ -26,6 +26,7 @@ from ingest.languages.front_ends import FRONT_ENDS, MASSROBOTICS, language_of_to
 from ingest.port.connection import Connection
 from ingest.recording.compression import DAMAGED, unpacked
 from ingest.recording.log_segments import last_lines, opened_log, segments
+from ingest.recording.operator_events import Given, OffFloorMark, operator_event
 
 LONGEST_LINE = 1 << 24
 """Bytes. Anything longer is no line of a log, and is not read into memory as one."""
@@ -90,21 +91,13 @@ class EngineStarted:
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """A person gave a robot to a vendor."""
-
-    uuid: str
-    vendor: str
-
-
-@dataclass(frozen=True, slots=True)
 class BlackBoxNote:
     """A line that only a black box has: what it is, what was decided, or where it ends."""
 
     document: dict[str, Any]
 
 
-Event = Received | Overtaken | Closed | Given | Tick | EngineStarted | BlackBoxNote
+Event = Received | Overtaken | Closed | Given | OffFloorMark | Tick | EngineStarted | BlackBoxNote
 NOTES = ("blackbox", "decided", "end")
 
 
@@ -276,12 +269,13 @@ def _rare_event(line: str, document: dict[str, Any]) -> Event:
         return EngineStarted(_time(document["at"]))
     if any(note in document for note in NOTES):
         return BlackBoxNote(document)
-    if "given" in document or "closed" in document:
-        return msgspec.convert(document, Given) if "given" in document else Closed(_connection_of(document))
+    if "off_floor" in document or "given" in document:
+        return operator_event(document, _time(document.get("off_floor") or document["given"]))
+    if "closed" in document:
+        return Closed(_connection_of(document))
     arrived = _raw(line, document), _time(document["received"]), _connection_of(document)
-    if "overtaken" in document:
-        return Overtaken(*arrived)
-    return Received(*arrived, document.get("rejected"), document.get("waits") is True)
+    rejected, waits = document.get("rejected"), document.get("waits") is True
+    return Overtaken(*arrived) if "overtaken" in document else Received(*arrived, rejected, waits)
 
 
 def _captured(line: str, document: dict[str, Any]) -> Received:

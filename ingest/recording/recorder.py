@@ -8,20 +8,22 @@
     {"received": "...Z", "connection": 3, "peer": "...", "overtaken": true, "base64": "..."}
     {"closed": "...Z", "connection": 3}
     {"given": "...Z", "uuid": "...", "vendor": "Alder"}
+    {"off_floor": "...Z", "uuid": "...", "is_off": true, "by": "Petra", "datum": "...", "x_m": 4.5, "y_m": 1.0}
     {"tick": "...Z"}
     {"tick": "...Z", "effort": 1, "pending": 2, "followed": [["...", "..."]]}
     {"engine": "started", "at": "...Z"}
 
-An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines,
-is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's share of the log does not admit
-whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A
-message `overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves
-it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a
-WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if
-its robot is not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person. A
-tick has an `effort` if the engine had no time for everything (`deconflict/engine/load_shedding.py`), a number
-`pending` of answers if advice was still being computed (`deconflict/advice/deferred_answers.py`), and `followed` if
-robots did what they were asked: each robot with that for which it was asked (`deconflict/adviser/`).
+An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines, is
+quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's share of the log does not admit whole
+(`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A message
+`overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves it out as
+well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a WebSocket.
+`proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if its robot is
+not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person, who may also say
+that it is `off_floor` (`ingest/fleet/owners/departures.py`). A tick has an `effort` if the engine had no time for
+everything (`deconflict/engine/load_shedding.py`), a number `pending` of answers if advice was still being computed
+(`deconflict/advice/deferred_answers.py`), and `followed` if robots did what they were asked: each robot with that
+for which it was asked (`deconflict/adviser/`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -39,6 +41,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from deconflict_client.verbs import Followed
 from ingest.languages import timestamps
 from ingest.measures.measures import Measures
@@ -47,6 +51,7 @@ from ingest.recording.clock_notes import KnownTime
 from ingest.recording.log_reader import Received
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
+from ingest.recording.operator_events import OffFloorMark
 from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
 from ingest.settings import RecorderSettings
 
@@ -133,6 +138,9 @@ class Recorder:
         line = {"given": timestamps.write(now_s), "uuid": uuid, "vendor": vendor}
         self._add(json.dumps(line, separators=(",", ":")).encode() + b"\n")
 
+    def off_floor(self, mark: OffFloorMark) -> None:
+        self._add(mark_line(mark))
+
     def engine_started(self, now_s: float) -> None:
         self._add(f'{{"engine":"started","at":"{timestamps.write(now_s)}"}}\n'.encode())
 
@@ -195,6 +203,13 @@ class Recorder:
         self._bytes += len(line)
         if self._bytes > FLUSH_BYTES:
             self.flush()
+
+
+def mark_line(mark: OffFloorMark) -> bytes:
+    """The line of what was said of a robot."""
+    line = {"off_floor": timestamps.write(mark.at_s)} | msgspec.structs.asdict(mark)
+    del line["at_s"]
+    return json.dumps(line, separators=(",", ":")).encode() + b"\n"
 
 
 def line_of(message: Received) -> bytes:

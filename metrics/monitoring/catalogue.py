@@ -77,6 +77,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Status messages that a newer one replaced before the engine read them.", "vendor"
     ),
     "deconflict_robots_forgotten_total": counter("Robots forgotten because they were silent for too long.", "vendor"),
+    "deconflict_robots_moved_total": counter("Robots heard elsewhere, by_hand or off_floor before.", "vendor", "how"),
     "deconflict_silences_total": counter(
         "Silences that ended, by outcome: there (back at the same place), elsewhere (back at another place), or "
         "driven_through (removed because another robot drove through its place).",

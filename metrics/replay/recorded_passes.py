@@ -18,7 +18,8 @@ from deconflict_client.verbs import Followed
 from ingest.batch import Batch
 from ingest.fleet import fleet_report
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Given, Received, Tick
+from ingest.recording.log_reader import BlackBoxNote, EngineStarted, Event, Received, Tick
+from ingest.recording.operator_events import Given, OffFloorMark
 from metrics.replay import conformance_counts
 from metrics.scoring.vendor_records import LOOK_S
 
@@ -83,12 +84,14 @@ class PassReader:
                 if not self._has_own_ticks and floor(event.arrival_s / TICK_S) != self._ticked:
                     yield from self._passes_until(event.arrival_s)
                 self._feed_message(event)
-            elif isinstance(event, Tick | BlackBoxNote | EngineStarted | Given):
+            elif isinstance(event, Tick | BlackBoxNote | EngineStarted | Given | OffFloorMark):
                 self._has_own_ticks = True
                 yield from self._feed(self._release())
                 self._needs_full_batch |= isinstance(event, EngineStarted)
                 if isinstance(event, Given):
                     self.fleet.give(event.uuid, event.vendor)
+                if isinstance(event, OffFloorMark):
+                    self.fleet.off_floor.note(event)
                 if isinstance(event, Tick):
                     yield self._pass(event)
 

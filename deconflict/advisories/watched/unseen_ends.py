@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Set
 
 from deconflict.advisories.conflict_predictions import Predictions
+from deconflict.advisories.conflict_scene import ConflictScene
 from deconflict.advisories.watched.watched_pairs import WatchedPair, WatchedPairs
+from deconflict.advisories.words.conflict_wording import cleared_as_absent
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import ClearedCode, ConflictAdvisory
 from ingest.batch import Pair
@@ -18,21 +20,29 @@ class UnseenEnds:
         """By pair, its advisory as it was when the robot was heard again."""
 
     def ends(
-        self, returned: Set[str], predictions: Predictions, now_s: float
+        self, returned: Set[str], predictions: Predictions, now_s: float, scene: ConflictScene
     ) -> list[tuple[WatchedPair, ConflictAdvisory]]:
-        """The pairs whose conflicts are over, each with the revision that clears its advisory: the two are apart, and
-        what is predicted of them is later by more than the time without a prediction after which an advisory is
-        cleared. So it is another conflict.
+        """The pairs whose conflicts are over, each with the revision that clears its advisory: one of the two was moved
+        by hand; or they are apart, and what is predicted of them is later by more than the time without a prediction
+        after which an advisory is cleared. So it is another conflict.
 
         `returned` are the robots that were not heard for a while before their newest reports. Without a prediction, an
         advisory ends as any other.
         """
+        moved = []
         for watched in self._pairs.of_robots(returned):
-            if watched.advisory and watched.advisory.predicted_at.timestamp() < now_s:
+            found = {uuid: scene.absence(uuid) for uuid in watched.pair}
+            absent = {uuid: why for uuid, why in found.items() if why and why.code is ClearedCode.MOVED_BY_HAND}
+            if watched.advisory and absent:
+                self._pairs.mark_apart(watched)
+                self._pairs.forget_looks(watched)
+                why = cleared_as_absent(watched.advisory, absent)
+                moved.append((watched, watched.advisory.cleared_revision(now_s, *why)))
+            elif watched.advisory and watched.advisory.predicted_at.timestamp() < now_s:
                 self._unseen[watched.pair] = watched.advisory
         if not self._unseen:
-            return []
-        return [
+            return moved
+        return moved + [
             (watched, cleared_as_apart(self._pairs, watched, advisory, now_s))
             for watched, advisory, row in self._still_unseen({pair: row for row, pair in enumerate(predictions.pairs)})
             if predictions.start_separation_m[row] > self._settings.apart_m

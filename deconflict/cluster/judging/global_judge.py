@@ -20,7 +20,7 @@ from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
-from deconflict.foresight.presence.presence_batches import contention_batches
+from deconflict.foresight.presence.presence_batches import contention_batches, with_end_before
 from deconflict.runtime.learned_state import Learner, Part, learned_of, resume_all
 from deconflict.settings.site import Site
 from ingest.batch import Batch
@@ -78,22 +78,25 @@ class GlobalJudge:
     def receive(self, batches: Sequence[Batch]) -> None:
         """Take in batches of all ingests; those of one ingest are in the order of its ticks."""
         for received in map(self._floors.renumbered, batches):
-            newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)))
+            newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)), received.gone)
             owned_rows = self._cross_ingest_claims.owned_rows(newer)
             batch = self._presence.receive(newer.take(owned_rows, self._gone(received)))
             self._cross_ingest_claims.add_reported(received.claims, received.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
-            self._live.update(batch)
-            self._live.remove(batch.gone)
+            for part in with_end_before(batch):
+                self._live.update(part)
+                self._live.remove(part.gone)
+                self._contention.receive(part)
             self._cross_ingest_claims.forget(batch.gone)
-            self._contention.receive(batch)
 
     def _gone(self, batch: Batch) -> tuple[str, ...]:
-        """The robots that one ingest has forgotten, and that have reported to no other since."""
-        kept_s = self.site.reading.forget_after_s
-        gone = [uuid for uuid in batch.gone if batch.now_s - self._arrived_s.get(uuid, batch.now_s) > kept_s]
+        """The robots that one ingest has forgotten, and that have reported to no other since; and those that a person
+        took off the floor."""
+        kept_s, off = self.site.reading.forget_after_s, set(batch.off_floor)
+        heard_s = {uuid: self._arrived_s.get(uuid, batch.now_s) for uuid in batch.gone}
+        gone = [uuid for uuid, at_s in heard_s.items() if uuid in off or batch.now_s - at_s > kept_s]
         for uuid in gone:
-            del self._arrived_s[uuid]
+            self._arrived_s.pop(uuid, None)
         return tuple(gone)
 
     def advance(self, now_s: float) -> list[FindingAdvisory]:

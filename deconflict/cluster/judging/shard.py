@@ -127,7 +127,8 @@ class Shard:
         kept = rows[self._is_near(batch, rows)]
         stay = {batch.robots[row] for row in kept.tolist()}
         left = [batch.robots[row] for row in rows.tolist() if batch.robots[row] not in stay]
-        gone = [*left, *(uuid for uuid in batch.gone if self._is_forgotten(uuid, batch.now_s))]
+        off = set(batch.off_floor)
+        gone = [*left, *(uuid for uuid in batch.gone if uuid in off or self._is_forgotten(uuid, batch.now_s))]
         known = tuple(dict.fromkeys(uuid for uuid in gone if uuid in self.engine.live.robots))
         own = self._own_rows(batch, kept)
         if self.heard is not None and self._hears_all_s < inf:

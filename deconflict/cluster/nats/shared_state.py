@@ -8,6 +8,7 @@ from contextlib import suppress
 from math import inf
 from typing import Any
 
+import msgspec
 from nats.aio.msg import Msg
 from nats.js import api
 from nats.js.errors import KeyWrongLastSequenceError
@@ -15,6 +16,7 @@ from nats.js.errors import KeyWrongLastSequenceError
 from deconflict.cluster.nats.nats_connection import NatsConnection, entry
 from deconflict.cluster.nats.subscriptions import newest_of_each
 from ingest.fleet.shared_identities import SharedIdentity
+from ingest.recording.operator_events import OffFloorMark
 
 LEASE_S = 4.0
 """A member that has sent no heartbeat for this long is gone."""
@@ -31,7 +33,7 @@ FEED = "feed-"
 
 
 class SharedState:
-    """Buckets `NAME-members`, `NAME-table`, `NAME-learned`, `NAME-introduced` and `NAME-given`."""
+    """Buckets `NAME-members`, `NAME-table`, `NAME-learned`, `NAME-introduced`, `NAME-given` and `NAME-off`."""
 
     def __init__(self, connection: NatsConnection) -> None:
         self._connection, self._name = connection, connection.name
@@ -49,6 +51,7 @@ class SharedState:
         self._learned = await self._connection.ensure_bucket("learned")
         self._introduced = await self._connection.ensure_bucket("introduced", max_bytes=INTRODUCTION_BYTES)
         self._given = await self._connection.ensure_bucket("given", max_bytes=GIVEN_BYTES)
+        self._off = await self._connection.ensure_bucket("off", max_bytes=GIVEN_BYTES)
         self._table = await self._connection.quick.key_value(f"{self._name}-table")
 
     async def follow_members(self) -> None:
@@ -128,6 +131,27 @@ class SharedState:
             receive(uuid, vendor)
 
         bucket = f"{self._name}-given"
+        await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", on_message, newest_of_each)
+
+    async def mark_off_floor(self, mark: OffFloorMark) -> OffFloorMark:
+        """Let a robot be off the floor, or on it, for all ingests. The first mark counts until it is taken back, so
+        this returns which holds."""
+        while True:
+            last, kept = await entry(self._off, mark.uuid)
+            before = msgspec.json.decode(kept, type=OffFloorMark) if kept else None
+            if before and before.is_off and (mark.is_off or mark.at_s < before.at_s):
+                return before
+            with suppress(KeyWrongLastSequenceError):
+                await self._off.update(mark.uuid, msgspec.json.encode(mark), last=last)
+                return mark
+
+    async def follow_off_floor(self, receive: Callable[[OffFloorMark], None]) -> None:
+        """Receive the last mark of each robot, and then each new one."""
+
+        async def on_message(message: Msg) -> None:
+            receive(msgspec.json.decode(message.data, type=OffFloorMark))
+
+        bucket = f"{self._name}-off"
         await self._connection.subscribe(f"$KV.{bucket}.*", f"KV_{bucket}", on_message, newest_of_each)
 
     def is_owned(self, shared_identity: SharedIdentity) -> bool:

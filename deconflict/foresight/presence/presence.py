@@ -81,6 +81,11 @@ class Presence:
         last reported place, or at their believed place."""
         self._returned: set[str] = set()
         """Robots that were new or silent before they reported, since the last `take_returned`."""
+        self.off_floor: set[str] = set()
+        """Robots that a person took off the floor."""
+        self.moved: set[str] = set()
+        """Of the last `take_returned`, those that began anew at another place."""
+        self._moved: set[str] = set()
         self._silences, self._removed = LastingSilences(), RemovedRobots()
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
@@ -93,6 +98,8 @@ class Presence:
         """Take in the reports of a batch. Returns the batch without the robots that are still removed. Robots that are
         removed because of this batch are in its `gone`."""
         batch = self._removed.without(batch)
+        for uuid in batch.began_anew:
+            self._intervals.forget(uuid)
         legs, new = self._intervals.add_batch(batch)
         self._ground.add(legs, batch.floors)
         self._returned.update(batch.robots[row] for row in legs.after_silence())
@@ -101,6 +108,9 @@ class Presence:
             self._connections.join(batch.robots[row], batch.vendors[row])
         for uuid in batch.gone:
             self._forget(uuid)
+        self.off_floor.difference_update(batch.robots, batch.gone)
+        self.off_floor.update(batch.off_floor)
+        self._moved.update(batch.began_anew)
         self.passed = set(self._last_seen_at.driven_through(batch, legs))
         for uuid in self.passed:
             self._last_seen_at.discard(uuid)
@@ -120,6 +130,7 @@ class Presence:
 
     def take_returned(self) -> set[str]:
         """The robots that were new or silent before they reported, since the last call."""
+        self.moved, self._moved = self._moved, set()
         returned, self._returned = self._returned, set()
         return returned
 

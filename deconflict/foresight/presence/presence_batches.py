@@ -44,3 +44,10 @@ def removal_batch(live: LiveRobots, robots: Sequence[str], now_s: float) -> Batc
     """A batch without robots, which says that these robots of the floor are gone."""
     batch = live.robots[robots[0]].batch.take(NOBODY, tuple(robots))
     return replace(batch, floors=live.floors, now_s=now_s, claims=())
+
+
+def with_end_before(batch: Batch) -> Iterator[Batch]:
+    """The batch; and before it one that ends what was known of the robots that began anew, if any did."""
+    if batch.began_anew:
+        yield batch.take(NOBODY, batch.began_anew)
+    yield batch

@@ -29,6 +29,7 @@ from deconflict.operator.blackbox.start_state import FORMAT
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from deconflict_client.situations import REVISION
+from ingest.fleet.owners.owner_file import kept_marks
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
@@ -45,7 +46,7 @@ from ingest.recording.log_reader import (
     parsed,
     segments_until,
 )
-from ingest.recording.recorder import line_of
+from ingest.recording.recorder import line_of, mark_line
 from ingest.recording.replaced_file import replacing
 
 log = logging.getLogger(__name__)
@@ -186,6 +187,8 @@ def _events(request: BlackBoxRequest, identities: Sequence[Received]) -> Iterato
     before = {False: _LastMessages(), True: _LastMessages()}
     for identity in identities:
         before[bool(identity.connection.topic)][_sender(identity)] = line_of(identity), identity
+    marks = kept_marks(request.log)
+    yield from ((mark_line(mark), mark) for mark in marks if mark.at_s < span.lead_s)
     for line in _log_lines(request):
         try:
             event = parsed(line)

@@ -26,6 +26,8 @@ from ingest.security.tokens import Tokens, secret_of
 from ingest.security.vendor_credentials import VendorCredentials
 
 RANK: Mapping[Role, int] = {"read": 0, "answer": 1, "acknowledge": 2, "administer": 3}
+OFF_FLOOR = "/off-floor"
+"""The end of the address at which somebody says that a robot is off the floor."""
 COOKIE = "deconflict_session"
 MOST_SESSIONS = 100
 """Of one person; then their oldest ends."""
@@ -38,7 +40,8 @@ def role_needed(method: str, path: str) -> Role:
         return "read"
     if path.startswith("/advice/"):
         return "answer"
-    return "acknowledge" if path.startswith(("/advisories/", "/situations/")) else "administer"
+    is_said_of_robot = path.startswith("/robots/") and path.endswith(OFF_FLOOR)
+    return "acknowledge" if is_said_of_robot or path.startswith(("/advisories/", "/situations/")) else "administer"
 
 
 def exposed_ports(site: Site) -> list[str]:

@@ -29,6 +29,7 @@ from deconflict.operator.http.request_limits import (
 from deconflict.operator.http.server.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
+from deconflict.operator.off_floor_routes import add_off_floor_routes
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
@@ -98,6 +99,7 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
     _add_advice_routes(app, AdviceRoutes(publisher, store, names, app.state.people))
     ask = lambda question: sources.losses(question)  # noqa: E731, PLW0108 - a description has no sources
     add_loss_routes(app, ask, names.unknown)
+    add_off_floor_routes(app, sources, UNAVAILABLE | MISSING)
     add_suggestion_routes(app, ask, lambda: sources.measures(), lambda: app.state.site)  # noqa: PLW0108
     _add_sockets(app, publisher, store, sources)
     _add_descriptions(app)

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict_client.answers.loss_models import LossList
 from ingest.batch import Batch
+from ingest.recording.operator_events import OffFloorMark
 
 Document = dict[str, Any]
 Exposition = Callable[[list[Document]], tuple[bytes, str]]
@@ -51,6 +52,9 @@ class Sources(FloorSource, Protocol):
 
     async def give_robot(self, uuid: str, vendor: str) -> Document:
         """Let a robot belong to a vendor: `before`, its owner until now, and `problem`, why it can't be given or ""."""
+
+    async def mark_off_floor(self, mark: OffFloorMark) -> Document:
+        """Take a robot off the floor, or put it back. The mark that holds now; empty if the robot is on the floor."""
 
     async def quarantine(self) -> list[Document]:
         """The rejected messages that are kept."""

@@ -17,6 +17,7 @@ import { involvedIn } from "./map/involved.js";
 import { read } from "./floor/reading.js";
 import { Shown } from "./floor/shown.js";
 import { Shift } from "./dialogs/shift.js";
+import { askOffFloor, listOffFloor } from "./list/off_floor.js";
 import { RobotBox, fillTable } from "./list/robots.js";
 import { Vendors } from "./list/vendors.js";
 import { clock, counted, isDue, isOver, mostUrgentFirst, needsSomebody, plural, seconds, severityOf, short, title, toDo, what } from "./texts.js";
@@ -45,7 +46,7 @@ const extents = new Map(); // by floor, what its whole is
 const alarm = new Alarm();
 const filters = new Filters({ changed: () => list(), showRobot: (uuid) => showRobot(null, uuid), hideRobot });
 const camera = new Camera($("map"), byHand, press);
-const box = new RobotBox($("detail"), { hide: hideRobot, follow: () => { followed = followed ? null : robotShown; list(); } });
+const box = new RobotBox($("detail"), { hide: hideRobot, follow: () => { followed = followed ? null : robotShown; list(); }, takeOff: () => { const robot = live.robots.get(robotShown); if (robot) askOffFloor(robot, site.sign_in); } });
 const map = new FloorMap($("map"), camera, vendors);
 const cards = new Cards($("situations"), $("more"), { choose, acknowledge: (id) => acknowledgeOpen(shown.situations.find((each) => each.id === id)), point, showRobot, changed: () => list() });
 let site = { name: "", floors: [], places: [], areas: [], obstacles: [], horizon_s: 10, quiet_after_s: 3, silent_after_s: 10, vendors: [] };
@@ -229,6 +230,7 @@ function list() {
   $("machines").hidden = !others.length;
   setText($("machines-count"), `${plural(others.length, "warning")} for machines, no person needed`);
   if ($("machines").open) lines($("machines-lines"), others);
+  listOffFloor(shown.health.off_floor ?? [], shown.atS);
   const known = [...shown.robots.values()], here = onFloor();
   vendors.note(known);
   filters.choices(vendors.names, [...floors().map(({ id, name }) => ({ id, name, floor: id })), ...site.places.map((place) => ({ ...place, name: place.name || place.id, floorName: floorName(place.floor) }))], known);

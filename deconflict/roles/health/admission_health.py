@@ -38,3 +38,10 @@ def pairs_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "near them than have room there; check their places and sizes (partly_examined in GET /presence)"
     )
     return {"status": "degraded", "reason": reason, "robots": robots}
+
+
+def off_floor_document(robots: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The part `off_floor` of the health: how many robots are off the floor, and which of these are still heard."""
+    off = [robot for robot in robots if robot["back_s"] is None]
+    heard = sorted(robot["name"] for robot in off if robot["still_heard"])
+    return {"status": "ok", "robots": len(off), "still_heard": heard[:MOST_NAMED]}

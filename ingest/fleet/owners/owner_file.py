@@ -1,13 +1,19 @@
-"""The register of owners on disk, beside the message log. A write replaces it as a whole."""
+"""The register of owners on disk, beside the message log, with the robots that are off the floor.
+
+A write replaces it as a whole.
+"""
 
 import asyncio
 import logging
 from contextlib import suppress
 from pathlib import Path
 
+import msgspec
+
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.measures.measures import Measures
 from ingest.plain_files import read_file, with_advice
+from ingest.recording.operator_events import OffFloorMark
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 FILE_NAME = "owners.json"
@@ -18,11 +24,25 @@ FORGOTTEN = "deconflict_owners_forgotten_total"
 log = logging.getLogger(__name__)
 
 
+class _Marks(msgspec.Struct):
+    """The part of the file that is no owner. Earlier releases wrote none."""
+
+    off_floor: list[OffFloorMark] = []
+
+
+def kept_marks(log_directory: Path) -> list[OffFloorMark]:
+    """The robots that are off the floor by the file beside a log. Empty if it can't be read."""
+    with suppress(OSError, ValueError):
+        return msgspec.json.decode(read_file(log_directory.parent / FILE_NAME), type=_Marks).off_floor
+    return []
+
+
 class OwnerFile:
     """Reads the register at the start and writes it when it has changed. A failure is logged and counted."""
 
     def __init__(self, directory: Path, owners: RobotOwners, measures: Measures) -> None:
         self._path, self._owners, self._measures = directory / FILE_NAME, owners, measures
+        self._off_floor = owners.off_floor
         self._written = 0
         """The number of changes at the last write."""
         self._is_unread = False
@@ -51,6 +71,7 @@ class OwnerFile:
             return
         try:
             self._owners.register.read(data, self._owners.vendors)
+            self._off_floor.read(msgspec.json.decode(data, type=_Marks).off_floor)
         except ValueError as error:
             self._fail("read", f"{error}; it is set aside as {FILE_NAME}{ASIDE}, and owners are entered anew")
             with suppress(OSError):
@@ -64,16 +85,24 @@ class OwnerFile:
             if self._is_unread:
                 self._enter(await asyncio.to_thread(self._read))
             is_removed = self._written and not await asyncio.to_thread(self._path.exists)
-            changes = self._owners.register.changes
+            changes = self._changes
             if not self._is_unread and (is_removed or changes != self._written):
-                await asyncio.to_thread(self._replace, self._owners.register.to_bytes(self._owners.vendors), changes)
+                await asyncio.to_thread(self._replace, self._content(), changes)
 
     def write(self) -> None:
         """Write what has changed."""
         if self._is_unread:
             self._enter(self._read())
-        if not self._is_unread and (changes := self._owners.register.changes) != self._written:
-            self._replace(self._owners.register.to_bytes(self._owners.vendors), changes)
+        if not self._is_unread and (changes := self._changes) != self._written:
+            self._replace(self._content(), changes)
+
+    @property
+    def _changes(self) -> int:
+        return self._owners.register.changes + self._off_floor.changes
+
+    def _content(self) -> bytes:
+        document = self._owners.register.document(self._owners.vendors)
+        return msgspec.json.encode(document | {"off_floor": list(self._off_floor.marks.values())})
 
     def _replace(self, data: bytes, changes: int) -> None:
         try:

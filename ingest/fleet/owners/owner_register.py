@@ -3,6 +3,7 @@
 import json
 from collections import OrderedDict
 from collections.abc import Callable
+from typing import Any
 
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 
@@ -58,14 +59,14 @@ class OwnerRegister:
                 del self._robots[owner]
             self.changes += 1
 
-    def to_bytes(self, vendors: VendorRegistry) -> bytes:
-        """As JSON. `vendors` says which of the owners the site file names."""
+    def document(self, vendors: VendorRegistry) -> dict[str, Any]:
+        """As the file has it. `vendors` says which of the owners the site file names."""
         configured = sorted(filter(vendors.configured, self._robots))
         owners = [(uuid, vendor) for vendor, robots in self._robots.items() for uuid in robots]
-        return json.dumps({"format": FORMAT, "configured": configured, "owners": owners}).encode()
+        return {"format": FORMAT, "configured": configured, "owners": owners}
 
     def read(self, data: bytes, vendors: VendorRegistry) -> None:
-        """Enter what `to_bytes` wrote under another site file, perhaps. Raises `ValueError` if it is something else."""
+        """Enter what `document` gave under another site file, perhaps. Raises `ValueError` if it is something else."""
         try:
             document = json.loads(data)
             if document["format"] != FORMAT:

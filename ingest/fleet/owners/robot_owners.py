@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ingest.fleet.owners.admission import Admission
+from ingest.fleet.owners.departures import OffFloor
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
@@ -29,6 +30,7 @@ class RobotOwners:
         self._languages = LanguageChoice()
         self.register = OwnerRegister()
         self.admission = Admission()
+        self.off_floor = OffFloor()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""
         self._vendors_heard: defaultdict[int, set[str]] = defaultdict(set)

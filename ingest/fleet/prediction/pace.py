@@ -101,6 +101,10 @@ class Pace:
         self._beyond_path: tuple[Knot, float, float] | None = None
         """The end of a path, and the direction and the speed with which it was thought to go on there."""
 
+    def begin_anew(self) -> None:
+        """It is at another place without having driven there."""
+        self._from = self._beyond_corner = self._beyond_path = None
+
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
         before = self._from

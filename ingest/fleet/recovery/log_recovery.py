@@ -11,8 +11,9 @@ from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
-from ingest.recording.log_reader import Closed, Event, Given, LogReader, Received, begun_s
+from ingest.recording.log_reader import Closed, Event, LogReader, Received, begun_s
 from ingest.recording.log_segments import segments, text_bytes
+from ingest.recording.operator_events import Given, OffFloorMark
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +53,8 @@ def recover(
             connection = max(connection, event.connection.id)
         if isinstance(event, Given):
             fleet.give(event.uuid, event.vendor)
+        if isinstance(event, OffFloorMark) and event.at_s <= now_s:
+            fleet.off_floor.note(event)
         if not isinstance(event, Received) or event.refused or event.arrival_s > now_s:
             continue
         front_end = FRONT_ENDS[event.connection.language]

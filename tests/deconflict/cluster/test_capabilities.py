@@ -67,6 +67,14 @@ class Tried:
         answer = await self._client.post(f"/robots/{robot(name)}/owner", json={"vendor": vendor})
         return answer.status_code == 200
 
+    async def marks(self, name: str, *, off_floor: bool) -> bool:
+        """Whether a robot is off the floor, or on it, once somebody said so."""
+        statement = {"off_floor": off_floor, "name": "Petra"}
+        answer = await self._client.post(f"/robots/{robot(name)}/off-floor", json=statement)
+        assert answer.json()["off_floor"] is off_floor
+        path = f"/robots/{robot(name)}"
+        return await self.comes(path, lambda found: bool(found.json()["off_floor"]) is off_floor)
+
     async def comes(self, path: str, wanted: Callable[[httpx.Response], bool]) -> bool:
         """Whether the answer is as wanted at last."""
         try:
@@ -105,6 +113,16 @@ async def lie(url: str) -> None:
             await asyncio.sleep(0.5)
 
 
+async def rest(url: str) -> None:
+    """A robot that stands."""
+    async with connect(url) as socket:
+        await socket.send(identity("S", time.time()))
+        while True:
+            stands: dict[str, Any] = {"operationalState": "idle", "velocity": {"linear": 0.0}}
+            await socket.send(status("S", time.time(), 40.0, 40.0, **stands))
+            await asyncio.sleep(0.5)
+
+
 @asynccontextmanager
 async def tried(folder: Path) -> AsyncIterator[Tried]:
     """Two ingests, two engines and a face, with robots."""
@@ -127,7 +145,7 @@ async def tried(folder: Path) -> AsyncIterator[Tried]:
         ):
             for name in ("first", "second"):
                 machines.start(name, "engine")
-            reports = drive(west, CROSSING, 600.0), lie(east)
+            reports = drive(west, CROSSING, 600.0), lie(east), rest(east)
             driving = [asyncio.create_task(report) for report in reports]
             try:
                 yield Tried(client, folder, dialled)
@@ -214,11 +232,20 @@ async def shows_the_past(run: Tried) -> bool:
     if (at_s := (await run.get("/recorded")).json()["to_s"]) is None:
         return False
     floor = (await run.get(f"/past?at_s={at_s}")).json()["floor"]
-    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L")}
+    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L", "S")}
 
 
 async def gives_robots(run: Tried) -> bool:
     return await run.gives("Alder", "A")
+
+
+async def takes_off_the_floor(run: Tried) -> bool:
+    def is_counted(robots: int) -> Callable[[httpx.Response], bool]:
+        return lambda answer: answer.json()["off_floor"]["robots"] == robots
+
+    assert await run.comes(f"/robots/{robot('S')}", lambda answer: answer.status_code == 200)
+    is_off = await run.marks("S", off_floor=True) and await run.comes("/healthz", is_counted(1))
+    return is_off and await run.marks("S", off_floor=False) and await run.comes("/healthz", is_counted(0))
 
 
 async def keeps_black_boxes(run: Tried) -> bool:
@@ -252,6 +279,7 @@ WORKS: dict[str, Callable[[Tried], Awaitable[bool]]] = {
     "`heeded_s` of losses": sees_advice_of_others_heeded,
     "the past on the page, `GET /recorded` and `GET /past`": shows_the_past,
     "giving a robot to a vendor, `POST /robots/ID/owner`": gives_robots,
+    "a robot that is off the floor, `POST /robots/ID/off-floor`": takes_off_the_floor,
     "black boxes, `[blackbox]`": keeps_black_boxes,
     "advice that ends standoffs, `GET /advice`, `verbs`, `kinds` with `advice`, the role `answer`": asks_robots,
     "judging warnings live, `deconflict_warnings_judged_total`": judges_warnings,

@@ -10,8 +10,9 @@ import pytest
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.recording.clock_notes import DAY_S, KnownTime
-from ingest.recording.log_reader import Closed, EngineStarted, Event, Given, Overtaken, Received, Tick
+from ingest.recording.log_reader import Closed, EngineStarted, Event, Overtaken, Received, Tick
 from ingest.recording.log_rotation import KEPT_BYTES
+from ingest.recording.operator_events import Given
 from ingest.recording.recorder import FLUSH_BYTES, Recorder, quantise
 from ingest.settings import RecorderSettings
 from tests.helpers.saying import status

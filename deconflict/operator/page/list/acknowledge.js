@@ -3,7 +3,7 @@
 import { what } from "../texts.js";
 
 const SEEN = "Seen"; // what is done about it, if nobody says more
-const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
+export const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
 const dialog = document.getElementById("acknowledge");
 const [about, refused, who, why] = ["acknowledge-what", "refused", "who", "why"].map((id) => document.getElementById(id));
 
@@ -54,7 +54,7 @@ async function send(id, name, reason) {
   }
 }
 
-function problem(detail) { return Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail); }
+export function problem(detail) { return Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail); }
 
 export function remembered(key) { try { return localStorage.getItem(key); } catch { return null; } }
 export function remember(key, value) { try { localStorage.setItem(key, value); } catch { /* a private window stores nothing */ } }

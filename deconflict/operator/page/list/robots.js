@@ -9,6 +9,7 @@ const STATES = {
   navigating: "drives", charging: "charges", waitingHumanEvent: "waits for a person", waitingExternalEvent: "waits for something around it",
   waitingInternalEvent: "busy with itself", manualOverride: "driven by hand",
 }; // other states are words already
+const MOVED_SHOWN_S = 3600;
 const WALKS = "walks"; // of a person on foot, whose devices call it navigating, too
 const FORECASTS = {
   path: "the path that it sends", order: "the order that it follows", velocity: "its speed and direction: it sends no path", destination: "its destination: it sends no path",
@@ -16,8 +17,9 @@ const FORECASTS = {
 };
 
 export class RobotBox {
-  // `acts`: hide() when somebody closes it, follow() when somebody wants the map to stay with the robot, or no longer.
-  constructor(box, { hide, follow }) {
+  // `acts`: hide() when somebody closes it, follow() when somebody wants the map to stay with the robot, or no longer, and
+  // takeOff() when somebody says that it is off the floor.
+  constructor(box, { hide, follow, takeOff }) {
     this.box = box;
     this.facts = document.createElement("dl");
     this.title = document.createElement("strong");
@@ -25,8 +27,10 @@ export class RobotBox {
     close.onclick = hide;
     this.follow = Object.assign(document.createElement("button"), { type: "button", textContent: "Follow", className: "follow" });
     this.follow.onclick = follow;
+    this.takeOff = Object.assign(document.createElement("button"), { type: "button", textContent: "Off the floor…", className: "follow" });
+    this.takeOff.onclick = takeOff;
     this.asked = { uuid: null, atMs: 0, report: null };
-    box.append(this.title, close, this.follow, this.facts);
+    box.append(this.title, close, this.follow, this.takeOff, this.facts);
     box.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
   }
 
@@ -36,6 +40,7 @@ export class RobotBox {
     this.box.hidden = !robot;
     if (!robot) return;
     this.follow.ariaPressed = String(view.isFollowed);
+    this.takeOff.hidden = view.isPast;
     const doing = view.isPast ? [] : this.doing(robot.uuid, view);
     const rows = [["state", stateOf(robot, view.isTakenOff)], ...doing, ["last message", ago(view.nowS - robot.arrivalS)], ["forecast from", FORECASTS[robot.basis] ?? robot.basis], ["size", `${robot.lengthM} × ${robot.widthM} m`]];
     if (view.standards) rows.push(["standard", view.standards]);
@@ -56,6 +61,8 @@ export class RobotBox {
     const rows = [];
     if (destination) rows.push(["goes to", `${whereIs(destination)}${expected(destination.expected_s, nowS)}`]);
     if (known(battery) || known(leftS)) rows.push(["battery", [known(battery) ? `${Math.round(battery)} %` : "", known(leftS) ? `lasts ${span(leftS)}` : ""].filter(Boolean).join(", ")]);
+    const { moved } = this.asked.report ?? {};
+    if (moved && nowS - moved.at_s < MOVED_SHOWN_S) rows.push(["moved", `${moved.sentence}, ${ago(nowS - moved.at_s)}`]);
     if (known(load)) rows.push(["load", load ? `${Math.round(load)} % of what it can carry` : "none"]);
     return rows;
   }

@@ -27,6 +27,7 @@ from deconflict_client.answers.loss_models import LossList
 from deconflict_client.situations import AnyRevision
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
+from ingest.recording.operator_events import OffFloorMark
 from ingest.security.certificates import Certificates
 from metrics.monitoring.exposition import render
 from tests.helpers.patience import PATIENCE_S
@@ -66,6 +67,7 @@ class GivenSources:
     recent: RecentBatches = field(default_factory=RecentBatches)
     archive: Archive | None = None
     ledger: LossLedger = field(default_factory=lambda: LossLedger(None, LossSettings()))
+    marks: dict[str, OffFloorMark] = field(default_factory=dict)
     whole: Batch = field(default_factory=lambda: fleet_of(Site(), Measures()).snapshot(1.0))
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
@@ -76,6 +78,11 @@ class GivenSources:
         self._ask("receiver")
         problem = "" if vendor == "Acme" else f"vendor: {vendor!r} is in no site file"
         return {"before": "Borealis" if uuid == ROBOT_DOCUMENTS[0]["uuid"] else None, "problem": problem}
+
+    async def mark_off_floor(self, mark: OffFloorMark) -> dict[str, Any]:
+        self._ask("receiver")
+        self.marks[mark.uuid] = mark
+        return {"by": mark.by, "at_s": 5.0} if mark.is_off else {}
 
     async def quarantine(self) -> list[dict[str, Any]]:
         self._ask("receiver")

@@ -254,6 +254,8 @@ async def test_a_page_of_another_site_is_refused_even_without_people(tmp_path: P
         ("WEBSOCKET", "/advisories/stream", "read"),
         ("POST", "/advisories/1/acknowledgement", "acknowledge"),
         ("POST", "/situations/1/acknowledgement", "acknowledge"),
+        ("POST", "/robots/1/off-floor", "acknowledge"),
+        ("POST", "/robots/1/owner", "administer"),
         ("DELETE", "/webhooks/1", "administer"),
     ],
 )

@@ -204,6 +204,7 @@ async def test_the_api_description_is_valid_and_covers_what_is_served(client: ht
         "/robots",
         "/robots/{uuid}",
         "/robots/{uuid}/owner",
+        "/robots/{uuid}/off-floor",
         "/site",
         "/vendors",
         "/quarantine",

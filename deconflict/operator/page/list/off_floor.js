@@ -1,0 +1,77 @@
+// Robots that are off the floor, as an operator says: the dialog that says so, and the list from which they are put back.
+
+import { SOMEBODY, problem, remember, remembered } from "./acknowledge.js";
+import { setText } from "./cards.js";
+import { ago, clock, plural } from "../texts.js";
+
+const $ = (id) => document.getElementById(id);
+const dialog = $("off-floor");
+
+// Asks whether a robot is off the floor.
+export function askOffFloor({ uuid, name }, signedIn) {
+  setText($("off-floor-what"), `${name} counts as nowhere: nobody is warned of it, and nothing waits for it. This holds until it is heard elsewhere or drives, or until somebody puts it back.`);
+  setText($("off-floor-refused"), "");
+  const who = $("off-floor-who");
+  who.required = !signedIn;
+  who.closest("label").hidden = signedIn;
+  who.value ||= remembered("name") ?? "";
+  dialog.querySelector("form").onsubmit = (event) => {
+    if (event.submitter?.value !== "send") return;
+    event.preventDefault();
+    send(uuid, who.value);
+  };
+  dialog.showModal();
+}
+
+async function send(uuid, name) {
+  try {
+    await post(uuid, true, name);
+    remember("name", name);
+    dialog.close();
+  } catch (error) {
+    setText($("off-floor-refused"), `Not done: ${error.message}`);
+  }
+}
+
+async function post(uuid, isOff, name) {
+  const answer = await fetch(`robots/${uuid}/off-floor`, {
+    method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ off_floor: isOff, name }),
+  });
+  if (!answer.ok) throw new Error(problem((await answer.json()).detail));
+}
+
+// Lists the robots that are off the floor, each with the button that puts it back, and those that came back by themselves.
+export function listOffFloor(robots, nowS) {
+  const off = robots.filter((robot) => robot.back_s === null), box = $("off-floor-list");
+  box.hidden = !robots.length;
+  setText($("off-floor-count"), `Off the floor: ${plural(off.length, "robot")}`);
+  const key = JSON.stringify(robots.map((robot) => [robot.uuid, sentence(robot, nowS)]));
+  if (box.dataset.key === key) return;
+  const focused = document.activeElement?.dataset?.putBack;
+  box.dataset.key = key;
+  $("off-floor-lines").replaceChildren(...robots.map((robot) => line(robot, nowS)));
+  if (focused) box.querySelector(`[data-put-back="${focused}"]`)?.focus();
+}
+
+function line(robot, nowS) {
+  const item = document.createElement("li");
+  item.append(Object.assign(document.createElement("strong"), { textContent: robot.name }), ` ${sentence(robot, nowS)} `);
+  if (robot.back_s !== null) return item;
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: "Put back" });
+  button.dataset.putBack = robot.uuid;
+  button.ariaLabel = `Put ${robot.name} back on the floor`;
+  button.onclick = async () => {
+    button.disabled = true;
+    try { await post(robot.uuid, false, remembered("name") ?? SOMEBODY); } catch (error) {
+      button.disabled = false;
+      item.append(` Not done: ${error.message}`);
+    }
+  };
+  item.append(button);
+  return item;
+}
+
+function sentence({ by, at_s: atS, still_heard: isHeard, back_s: backS }, nowS) {
+  if (backS !== null) return `is back since ${clock(backS)}: it was heard elsewhere or drives. Off the floor, ${by} had said.`;
+  return `is off the floor, says ${by} since ${clock(atS)}, ${ago(nowS - atS)}.${isHeard ? " It is still heard there." : ""}`;
+}
