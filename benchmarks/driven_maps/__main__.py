@@ -77,7 +77,9 @@ def line(minutes: float, name: str, outcomes: Sequence[Outcome]) -> str:
     proposed = [each for each in outcomes if not each.doubt]
     refused = Counter(each.doubt for each in outcomes if each.doubt)
     off_m, off_deg = sorted(each.off_m for each in proposed), max((each.off_deg for each in proposed), default=0.0)
-    errors = f"{off_m[len(off_m) // 2]:6.3f} {off_m[-1]:6.3f} {off_deg:7.3f}" if off_m else f"{'-':>6} {'-':>6} {'-':>7}"
+    errors = (
+        f"{off_m[len(off_m) // 2]:6.3f} {off_m[-1]:6.3f} {off_deg:7.3f}" if off_m else f"{'-':>6} {'-':>6} {'-':>7}"
+    )
     share = max((each.off_m / each.stated_m for each in proposed), default=0.0)
     why = ", ".join(f"{doubt} {count}" for doubt, count in refused.most_common())
     wrong = sum(each.is_wrong for each in outcomes)

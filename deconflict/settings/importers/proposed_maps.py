@@ -15,7 +15,7 @@ from deconflict_client.counted_nouns import count_of
 from ingest.batch import Floats
 from ingest.frames.driven.driven_places import DrivenPlaces
 from ingest.frames.driven.line_fit import TURN, FittedTransform
-from ingest.frames.driven.map_search import DrivenFrame, Doubt, FoundMap, found_map
+from ingest.frames.driven.map_search import Doubt, DrivenFrame, FoundMap, found_map
 from ingest.frames.driven.shared_moments import Moments
 from ingest.frames.fitting import FitError
 from ingest.frames.frame_registry import fit_map
@@ -32,7 +32,7 @@ WHY = {
     "that robots meet, or let it drive where the floor is not like itself",
     Doubt.APART: "nothing shows that its robots meet the others: they drive in other parts or at other times. Record "
     "when both drive in the same aisles",
-    Doubt.STRETCHED: "its map is not in metres, or is stretched",
+    Doubt.STRETCHED: "its map is stretched, or its robots drive far off the lanes of the others. Read marks",
     Doubt.MIRRORED: "its map is mirrored (y is to the right of x, seen from above)",
 }
 FITTING = (Doubt.STRETCHED, Doubt.MIRRORED)
@@ -156,7 +156,7 @@ def _refusal_lines(proposal: MapProposal) -> Iterator[str]:
     yield f"# {_subject(proposal)}: {title}."
     why = WHY[doubt] if doubt else ""
     if doubt is Doubt.STRETCHED and proposal.found.fit:
-        why = f"{why}: one metre of the floor is {1 / proposal.found.fit.scale:.4f} of its own"
+        why = f"one metre of the floor seems to be {1 / proposal.found.fit.scale:.4f} of its own: {why}"
     yield f"# {why[0].upper()}{why[1:]}."
 
 

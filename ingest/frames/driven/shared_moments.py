@@ -20,7 +20,9 @@ MOVED_M = 0.2
 """A robot that moved by this within a second moves."""
 INSIDE = 0.85
 """Centres nearer than this share of both half widths: two bodies in one place, even with noisy positions."""
-SHIFTS_S = tuple(sign * by_s for by_s in (23, 37, 53, 61, 71, 83, 97, 109, 127, 139, 151, 167, 181, 199) for sign in (-1, 1))
+SHIFTS_S = tuple(
+    sign * by_s for by_s in (23, 37, 53, 61, 71, 83, 97, 109, 127, 139, 151, 167, 181, 199) for sign in (-1, 1)
+)
 ROUGH_SHIFTS = 7
 """Every so manieth shift is enough where there are overlaps."""
 EPISODE_S = 20
@@ -50,8 +52,9 @@ class Moments:
         return len(self.t_s)
 
     def take(self, rows: Ints | Bools) -> Self:
-        columns = self.t_s, self.robot, self.points_m, self.half_width_m, self.moves
-        return type(self)(*(column[rows] for column in columns))
+        return type(self)(
+            self.t_s[rows], self.robot[rows], self.points_m[rows], self.half_width_m[rows], self.moves[rows]
+        )
 
     def placed(self, matrix: Floats, shift_m: Floats) -> Self:
         return type(self)(self.t_s, self.robot, self.points_m @ matrix.T + shift_m, self.half_width_m, self.moves)

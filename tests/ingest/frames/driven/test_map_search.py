@@ -7,7 +7,7 @@ import pytest
 
 from ingest.batch import Floats
 from ingest.frames.driven.line_fit import rotation
-from ingest.frames.driven.map_search import DrivenFrame, Doubt, FoundMap, found_map
+from ingest.frames.driven.map_search import Doubt, DrivenFrame, FoundMap, found_map
 from tests.helpers.made_driving import ROUND, followed, frame_of
 
 TURN_RAD, SHIFT_M = 2.1, np.array([120.0, -45.0])
