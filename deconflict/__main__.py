@@ -120,7 +120,10 @@ def _add_site(commands: Commands) -> None:
         help="width of lanes and places, metres (default: %(default)s)",
     )
     import_parser.set_defaults(run=_site_import)
+    _add_site_from_logs(site_parsers)
 
+
+def _add_site_from_logs(site_parsers: Commands) -> None:
     align_parser = add_command(
         site_parsers,
         "align",

@@ -123,14 +123,13 @@ def _solved(design: Floats, wanted: Floats, weights: Floats) -> Floats:
     normal = design.T @ (design * weights[:, None])
     total = float(weights.sum())
     normal[np.diag_indices(len(normal))] += total * np.array([1e-2, 1e-4, 1e-4, 0.02])[: len(normal)]
-    solved: Floats = np.linalg.solve(normal, design.T @ (wanted * weights))
-    return solved
+    return np.linalg.solve(normal, design.T @ (wanted * weights)).astype(np.float64)
 
 
 def _moved(turn_rad: float, shift_m: Floats, middle_m: Floats, step: Floats) -> tuple[float, Floats]:
     """The transform after a further rotation about the middle and a shift."""
-    moved_m: Floats = rotation(float(step[TURN])) @ (shift_m - middle_m) + middle_m + step[SHIFT]
-    return turn_rad + float(step[TURN]), moved_m
+    moved_m = rotation(float(step[TURN])) @ (shift_m - middle_m) + middle_m + step[SHIFT]
+    return turn_rad + float(step[TURN]), moved_m.astype(np.float64)
 
 
 def _with_certainty(
@@ -218,7 +217,7 @@ def _generalised(
     sums = np.column_stack([np.bincount(of_line, column * inverse) for column in both.T])
     shrink = of_lines_m2 / (1 + of_lines_m2 * np.bincount(of_line, inverse))
     normal = both.T @ (both * inverse[:, None]) - sums.T @ (sums * shrink[:, None])
-    covariance: Floats = np.linalg.inv(normal[:-1, :-1] + np.diag(PRIORS**-2.0))
+    covariance = np.linalg.inv(normal[:-1, :-1] + np.diag(PRIORS**-2.0)).astype(np.float64)
     found: Floats = covariance @ normal[:-1, -1]
     return found, covariance
 
