@@ -61,7 +61,8 @@ class Scene:
             return Site(datums=datums)
         doors = [*DOORS, (EAST_M / 2, 6.0)]
         zones = tuple(
-            Zone(kind="door", id=f"door {row}", datum=HALL, polygon=_box(middle, 0.5 + (row < 2))) for row, middle in enumerate(doors)
+            Zone(kind="door", id=f"door {row}", datum=HALL, polygon=_box(middle, 0.5 + (row < 2)))
+            for row, middle in enumerate(doors)
         )
         lift = Resource(kind="lift", id="lift", datum=HALL, polygon=_box(LIFT, 1.0))
         return Site(datums=datums, zones=zones, resources=(lift,))

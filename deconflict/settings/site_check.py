@@ -73,7 +73,8 @@ def check(
     """Print the verdict, each problem and each vendor's fit. Returns 0 if there is no problem, else 2.
 
     `verify` gives a sentence for each reason why this machine can't serve the site; it raises `SecretError` or
-    `CertificateError`. `needs` says what the site needs of the machine. Maps are compared with driving in `logs`.
+    `CertificateError`. `needs` says what the site needs of the machine. `logs` show where robots drive, to compare maps
+    with that.
     """
     try:
         site = load(path)
@@ -88,10 +89,10 @@ def check(
 
 def _driven_lines(report: SiteReport, logs: Sequence[Path]) -> Iterator[str]:
     """How far each vendor's map is from what its robots drive."""
-    from deconflict.settings.importers import proposed_maps  # noqa: PLC0415 - loads numba
+    from deconflict.settings.importers import driven_log, proposed_maps  # noqa: PLC0415 - loads numba
 
     maps = {(each.vendor, each.map.datum): each.map for each in report.maps}
-    for proposal in proposed_maps.proposals(proposed_maps.driven_log(logs, report.site), report.site):
+    for proposal in proposed_maps.proposals(driven_log.driven_log(logs, report.site), report.site):
         yield ""
         yield from proposed_maps.difference_lines(proposal, maps.get((proposal.vendor, proposal.datum)))
 

@@ -110,7 +110,11 @@ def _add_reports(
     for leg in range(n):
         row, was = rows[leg], before[leg]
         robot, knot = heard[slots[row]], start[row]
-        robot.arrival_s, robot.event_s, robot.due_s = arrival_s[row], event_s[row], arrival_s[row] + SOON_SHARE * GRACE_S
+        robot.arrival_s, robot.event_s, robot.due_s = (
+            arrival_s[row],
+            event_s[row],
+            arrival_s[row] + SOON_SHARE * GRACE_S,
+        )
         robot.reports_within_s = reports_within_s[row]
         robot.x_m, robot.y_m, robot.yaw_rad, robot.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
         if was.reports:

@@ -100,7 +100,7 @@ def _vendor_lines(
     for datum in own_datums:
         yield from (
             "# It alone sends this datum: a map of its own, or another floor. Of its own map, measure where its robots",
-            "# say they are on each mark.",
+            "# say they are on each mark, or let `deconflict site align` find it from an hour of driving.",
             "# [[vendors.maps]]",
             f"# datum = {toml_value(datum)}",
             f"# site_datum = {toml_value(site_datums[0])}",

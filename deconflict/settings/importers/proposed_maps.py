@@ -32,7 +32,7 @@ WHY = {
     "that robots meet, or let it drive where the floor is not like itself",
     Doubt.APART: "nothing shows that its robots meet the others: they drive in other parts or at other times. Record "
     "when both drive in the same aisles",
-    Doubt.STRETCHED: "its map is not in metres, or is stretched",
+    Doubt.STRETCHED: "its map is stretched, or its robots drive far off the lanes of the others. Read marks",
     Doubt.MIRRORED: "its map is mirrored (y is to the right of x, seen from above)",
 }
 FITTING = (Doubt.STRETCHED, Doubt.MIRRORED)
@@ -156,7 +156,7 @@ def _refusal_lines(proposal: MapProposal) -> Iterator[str]:
     yield f"# {_subject(proposal)}: {title}."
     why = WHY[doubt] if doubt else ""
     if doubt is Doubt.STRETCHED and proposal.found.fit:
-        why = f"{why}: one metre of the floor is {1 / proposal.found.fit.scale:.4f} of its own"
+        why = f"one metre of the floor seems to be {1 / proposal.found.fit.scale:.4f} of its own: {why}"
     yield f"# {why[0].upper()}{why[1:]}."
 
 

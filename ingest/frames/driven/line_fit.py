@@ -21,6 +21,8 @@ BLOCK_M = 8.0
 """Along a line."""
 SAME_LINE_M, LINE_SECTORS = 4.0, 4
 MAIN_SHARE = 0.15
+WHOLE_LINE = 0.5
+"""Lines on which this share of what is driven on the longest is driven count fully: bays beside an aisle do not."""
 LEAST_OFF_M, LEAST_BLOCK_M = 0.1, 0.05
 """Lines and blocks of vendors differ by at least this."""
 AGREES_M = 0.5
@@ -121,14 +123,13 @@ def _solved(design: Floats, wanted: Floats, weights: Floats) -> Floats:
     normal = design.T @ (design * weights[:, None])
     total = float(weights.sum())
     normal[np.diag_indices(len(normal))] += total * np.array([1e-2, 1e-4, 1e-4, 0.02])[: len(normal)]
-    solved: Floats = np.linalg.solve(normal, design.T @ (wanted * weights))
-    return solved
+    return np.linalg.solve(normal, design.T @ (wanted * weights)).astype(np.float64)
 
 
 def _moved(turn_rad: float, shift_m: Floats, middle_m: Floats, step: Floats) -> tuple[float, Floats]:
     """The transform after a further rotation about the middle and a shift."""
-    turn = rotation(float(step[TURN]))
-    return turn_rad + float(step[TURN]), turn @ (shift_m - middle_m) + middle_m + step[SHIFT]
+    moved_m = rotation(float(step[TURN])) @ (shift_m - middle_m) + middle_m + step[SHIFT]
+    return turn_rad + float(step[TURN]), moved_m.astype(np.float64)
 
 
 def _with_certainty(
@@ -142,7 +143,7 @@ def _with_certainty(
     line, block = _lines_and_blocks(on.along[used], (points_m[on.rows] - middle_m)[used], weights)
     main = line >= 0
     line = np.unique(line[main], return_inverse=True)[1]
-    step, covariance = _by_lines(design[main], off_m[main], weights[main], line, block[main])
+    step, covariance, count = _by_lines(design[main], off_m[main], weights[main], line, block[main])
     turn_rad, shift_m = _moved(turn_rad, shift_m, middle_m, step)
     left = off_m + design[:, :LEFT] @ step[:LEFT]
     metres = own.metres[on.rows]
@@ -155,7 +156,7 @@ def _with_certainty(
         scale=1.0 + float(step[SCALE]),
         left_m=-float(step[LEFT]),
         residual_m=float(np.sqrt(np.average(left**2, weights=weights))),
-        lines=int(line.max()) + 1,
+        lines=int(count),
         common_m=float(metres[same].sum()),
         against_m=float(metres[against].sum()),
         agreement=float(worth[same].sum() - worth[against].sum()),
@@ -186,8 +187,11 @@ def _mean_line(turns: Floats) -> float:
     return float(np.angle(np.exp(2j * turns).mean()) / 2) if len(turns) else 0.0
 
 
-def _by_lines(design: Floats, off_m: Floats, weights: Floats, line: Ints, block: Ints) -> tuple[Floats, Floats]:
-    """The unknowns and their covariance, from the means of blocks with an error of each line and of each block."""
+def _by_lines(design: Floats, off_m: Floats, weights: Floats, line: Ints, block: Ints) -> tuple[Floats, Floats, float]:
+    """The unknowns, their covariance, and how many lines there are, of which short ones count less.
+
+    They are found from the means of blocks, with an error of each line and of each block.
+    """
     _, group = np.unique(np.column_stack([line, block]), axis=0, return_inverse=True)
     group = group.ravel()
     total = np.bincount(group, weights)
@@ -195,36 +199,36 @@ def _by_lines(design: Floats, off_m: Floats, weights: Floats, line: Ints, block:
     of_line = np.zeros(len(total), np.int64)
     of_line[group] = line
     rows, wanted = means[:, :-1], -means[:, -1]
-    share = np.minimum(total / np.median(total), 1.0)
-    off_line_m, off_block_m = 0.1, 0.05
+    share, driven = np.minimum(total / np.median(total), 1.0), np.bincount(line, weights)
+    line_share = np.minimum(driven / (WHOLE_LINE * driven.max()), 1.0)
+    spread_m = 0.1, 0.05
     for _ in range(6):
-        step, covariance = _generalised(rows, wanted, of_line, off_line_m, off_block_m / np.sqrt(share))
-        left = wanted - rows @ step
-        off_line_m, off_block_m = _spreads(left, share, of_line)
-    return step, covariance
+        variances = spread_m[0] ** 2 / line_share, spread_m[1] ** 2 / share
+        step, covariance = _generalised(rows, wanted, of_line, *variances)
+        spread_m = _spreads(wanted - rows @ step, share, of_line, line_share)
+    return step, covariance, float(line_share.sum())
 
 
 def _generalised(
-    rows: Floats, wanted: Floats, of_line: Ints, off_line_m: float, off_block_m: Floats
+    rows: Floats, wanted: Floats, of_line: Ints, of_lines_m2: Floats, of_blocks_m2: Floats
 ) -> tuple[Floats, Floats]:
     """Least squares with errors that the blocks of a line have in common, and the covariance."""
-    inverse = off_block_m**-2
-    both = np.column_stack([rows, wanted])
+    inverse, both = 1 / of_blocks_m2, np.column_stack([rows, wanted])
     sums = np.column_stack([np.bincount(of_line, column * inverse) for column in both.T])
-    shrink = off_line_m**2 / (1 + off_line_m**2 * np.bincount(of_line, inverse))
+    shrink = of_lines_m2 / (1 + of_lines_m2 * np.bincount(of_line, inverse))
     normal = both.T @ (both * inverse[:, None]) - sums.T @ (sums * shrink[:, None])
-    covariance = np.linalg.inv(normal[:-1, :-1] + np.diag(PRIORS**-2.0))
-    return covariance @ normal[:-1, -1], covariance
+    covariance = np.linalg.inv(normal[:-1, :-1] + np.diag(PRIORS**-2.0)).astype(np.float64)
+    found: Floats = covariance @ normal[:-1, -1]
+    return found, covariance
 
 
-def _spreads(left: Floats, share: Floats, of_line: Ints) -> tuple[float, float]:
+def _spreads(left: Floats, share: Floats, of_line: Ints, line_share: Floats) -> tuple[float, float]:
     """How much lines differ, and the blocks of a line, metres."""
     total, blocks = np.bincount(of_line, share), np.bincount(of_line)
     mean = np.bincount(of_line, left * share) / total
     within = float((share * (left - mean[of_line]) ** 2).sum()) / max(int((blocks - 1).sum()), 1)
-    worth = np.minimum(total, 3.0)
-    freedom = max(1 - 4 / len(total), 0.1)
-    between = float(np.average(mean**2, weights=worth)) / freedom
+    freedom = max(1 - 4 / line_share.sum(), 0.1)
+    between = float(np.average(mean**2, weights=line_share)) / freedom
     return max(LEAST_OFF_M, float(np.sqrt(between))), max(LEAST_BLOCK_M, float(np.sqrt(within)))
 
 

@@ -35,6 +35,7 @@ class Doubt(StrEnum):
     APART = "apart"
     """Nothing shows that the robots meet: they drive at other times or places."""
     STRETCHED = "stretched"
+    """A scale fits better than none: the map is stretched, or lanes differ."""
     MIRRORED = "mirrored"
 
 
@@ -82,8 +83,8 @@ def _found(own: DrivenFrame, known: DrivenFrame) -> FoundMap:
         return FoundMap(None, None, Doubt.LITTLE)
     shown = [trial for trial in trials if trial.overlaps.shows_same_floor]
     if not shown:
-        doubt = _doubt(trials[0].fit) or (Doubt.LIKENESS if _is_rivalled(trials[0], trials) else Doubt.APART)
-        return FoundMap(trials[0].fit, trials[0].overlaps, doubt)
+        unsure = _doubt(trials[0].fit) or (Doubt.LIKENESS if _is_rivalled(trials[0], trials) else Doubt.APART)
+        return FoundMap(trials[0].fit, trials[0].overlaps, unsure)
     best = shown[0]
     doubt = _doubt(best.fit) or (Doubt.LIKENESS if _is_rivalled(best, trials) else None)
     return FoundMap(best.fit, best.overlaps, doubt)

@@ -65,7 +65,7 @@ def _directions(places: DrivenPlaces) -> Floats:
 
 
 class _Raster:
-    """Driven places as complex numbers in cells: twice the direction as angle, so that the way driven does not count."""
+    """Driven places as complex numbers in cells: twice the direction as angle, so that it does not count which way."""
 
     def __init__(self, own: DrivenPlaces, known: DrivenPlaces) -> None:
         from scipy import fft  # noqa: PLC0415 - only proposals need it

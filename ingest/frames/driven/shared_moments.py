@@ -52,8 +52,9 @@ class Moments:
         return len(self.t_s)
 
     def take(self, rows: Ints | Bools) -> Self:
-        columns = self.t_s, self.robot, self.points_m, self.half_width_m, self.moves
-        return type(self)(*(column[rows] for column in columns))
+        return type(self)(
+            self.t_s[rows], self.robot[rows], self.points_m[rows], self.half_width_m[rows], self.moves[rows]
+        )
 
     def placed(self, matrix: Floats, shift_m: Floats) -> Self:
         return type(self)(self.t_s, self.robot, self.points_m @ matrix.T + shift_m, self.half_width_m, self.moves)
