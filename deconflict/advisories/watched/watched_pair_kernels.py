@@ -133,8 +133,8 @@ def _is_likely(predicted: Any, now_s: float, thresholds: Any) -> bool:
 def _record_look(pair: Any, predicted: Any, is_likely: bool, thresholds: Any) -> bool:
     """Update the row of a predicted pair; return whether this look is alerting.
 
-    A look alerts if a robot has a new forecast, the pair comes together, and probably both are there. A pair that begins within the clearance
-    alerts only if it is about to touch.
+    A look alerts if a robot has a new forecast, the pair comes together, and probably both are there. A pair that
+    begins within the clearance alerts only if it is about to touch.
     """
     pair.predicted = True
     if predicted.start_separation_m <= thresholds.clearance_m:
