@@ -125,6 +125,7 @@ def test_what_a_robot_that_was_moved_by_hand_was_a_party_of_ends_and_its_leap_pa
         floor.say("stands", 12.0, **IDLE)
         floor.say("first", min(-9.0 + second, 9.0), 0.0, 1.0)
     assert [each.kind for each in floor.engine.open()] == ["conflict"]
+    before = floor.engine.live.robots[robot("stands")]
     floor.say("stands", 30.0, **IDLE)
     floor.tick()
     floor.wait(1.0)
@@ -132,3 +133,4 @@ def test_what_a_robot_that_was_moved_by_hand_was_a_party_of_ends_and_its_leap_pa
     assert cleared.cleared_code is ClearedCode.MOVED_BY_HAND
     assert floor.presence.removal_of(robot("asleep")) is None
     assert floor.engine.live.robots[robot("stands")].forecast.x_m.tolist() == [30.0]
+    assert floor.engine.live.robots[robot("stands")] is not before, "nothing of it is continued"
