@@ -96,7 +96,7 @@ class Engine:
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures, [*site.resources, *site.zones])
-        self._crowds = Crowds(self.live)
+        self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
         self._claims = PairClaims(self.live, self._conflicts, crowds)
@@ -110,7 +110,6 @@ class Engine:
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
-        self._trigger = NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s, self.foresight.has_followed)
         self.near_misses, self.losses, self.refusals, self.followed = [], [], [], []
         self._updated: set[str] = set()

@@ -79,8 +79,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_robots_forgotten_total": counter("Robots forgotten because they were silent for too long.", "vendor"),
     "deconflict_robots_moved_total": counter("Robots heard elsewhere, by_hand or off_floor before.", "vendor", "how"),
     "deconflict_silences_total": counter(
-        "Silences that ended, by outcome: there (back at the same place), elsewhere (back at another place), or "
-        "driven_through (removed because another robot drove through its place).",
+        "Silences that ended, by outcome: there, elsewhere, or driven_through (its place, by another robot).",
         "vendor",
         "outcome",
     ),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from deconflict.advisories.conflict_scene import ConflictScene
-from deconflict.advisories.words.conflict_wording import Absence, Party
+from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
 from deconflict_client.advisory import EncounterClass
@@ -19,7 +19,7 @@ class MadeScene(ConflictScene):
         return True
 
     def absence(self, uuid: str) -> Absence | None:
-        return None
+        return None if self.is_present(uuid) else GONE
 
     def account(self, uuid: str) -> str:
         return "Alder"

@@ -78,7 +78,7 @@ def _robot(http: "httpx.Client", wanted: str) -> tuple[str, str]:
         return found[0], names[found[0]]
     near = sorted(name for name in names.values() if wanted.casefold() in name.casefold())[:MOST_NAMED]
     if found:
-        raise ValueError(f"{len(found)} robots have the name {wanted!r}; give the UUID of one: {', '.join(found)}")
+        raise ValueError(f"several robots have the name {wanted!r}; give the UUID of one: {', '.join(found)}")
     raise ValueError(f"no robot has the name or UUID {wanted!r}" + (f"; like it: {', '.join(near)}" if near else ""))
 
 

@@ -207,7 +207,7 @@ def how_found(proposal: MapProposal, fit: FittedTransform) -> Iterator[str]:
     if overlaps:
         yield (
             f"Placed so, robots were in each other {count_of(overlaps.found, 'time')}; "
-            f"if they did not see each other, {overlaps.expected:.0f} times."
+            f"if they did not see each other, {count_of(round(overlaps.expected), 'time')}."
         )
 
 

@@ -14,7 +14,7 @@ as it was going, unless it says that it stops there.
 import re
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, pairwise
 from math import atan2, ceil, cos, hypot, inf, isnan, nan, pi, sin
 from operator import itemgetter
 from typing import NamedTuple
@@ -40,6 +40,8 @@ from ingest.fleet.prediction.way_on import (
     THERE_M,
     driven_to,
     end_of,
+    is_behind,
+    is_passed,
     way_on,
 )
 from ingest.frames.assumed_motion import DRIVES_MPS
@@ -164,7 +166,8 @@ class _Route(NamedTuple):
         destination = self._destination() if abs(speed_mps) > MOVING_MPS else None
         if destination and _is_on_way(here, direction_rad, destination):
             end = way_on(knot_at(here), direction_rad, abs(speed_mps), destination, until, self.paces.turn_radps)
-            return [knot_at(here), *end], (here.floor,) * (1 + len(end))
+            knots = self._through([knot_at(here), *end], abs(speed_mps))
+            return knots, (here.floor,) * len(knots)
         reach_m = speed_mps * (until - here.t_s)
         end_x, end_y = here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading)
         return (knot_at(here), (until, end_x, end_y, heading)), (here.floor,) * 2
@@ -185,17 +188,35 @@ class _Route(NamedTuple):
         mps *= self.paces.beyond_share
         until = until_s(here, self.context)
         further = way_on(end, going.direction_rad, mps, destination, until, self.paces.turn_radps)
-        return [*knots, *further], (*floors, *(here.floor,) * len(further))
+        knots = self._through([*knots, *further], mps)
+        return knots, (*floors, *(here.floor,) * (len(knots) - len(floors)))
+
+    def _through(self, knots: list[Knot], mps: float) -> list[Knot]:
+        """The knots, and how the robot goes on where they end at a destination at which its times leave no stop."""
+        for stop, following in pairwise(self._destinations()):
+            end = knots[-1]
+            is_there = hypot(stop[1] - end[1], stop[2] - end[2]) <= THERE_M
+            if end[0] >= until_s(self.here, self.context) or not (is_there and is_passed(stop, following, mps)):
+                break
+            knots = [*knots, *driven_to(end, following, mps, self.paces.turn_radps)[1:]]
+        return knots
 
     def _destination(self) -> Knot | None:
         """The next destination on this floor; None if there is none."""
+        return next(iter(self._destinations()), None)
+
+    def _destinations(self) -> list[Knot]:
+        """The destinations on this floor in the order of their times, without those that the robot has passed."""
         if not self.status.destinations.datums or self.status.state == "manualOverride":
-            return None
+            return []
         latest_s = self.here.t_s + self.context.reading.destination_horizon_s
         groups = on_floors(self.status.destinations, self.here, self.context)
         on_this_floor = [points for floor, points in groups if floor == self.here.floor]
         reachable = [knot for knot in chain.from_iterable(on_this_floor) if knot[0] <= latest_s]
-        return min(reachable, key=itemgetter(0)) if reachable else None
+        ordered = sorted(reachable, key=itemgetter(0))
+        while len(ordered) > 1 and is_behind(ordered[0], ordered[1], self.here):
+            ordered.pop(0)
+        return ordered
 
     def _by_destination(self) -> Route | None:
         """Straight to the next destination on this floor, at the time it states or at the robot's pace."""
@@ -209,7 +230,7 @@ class _Route(NamedTuple):
         if destination[0] > here.t_s:
             share = (destination[0] - here.t_s) / (knots[-1][0] - here.t_s)
             knots = [(here.t_s + share * (t_s - here.t_s), x, y, yaw_rad) for t_s, x, y, yaw_rad in knots]
-        knots = list(_with_headings(knots))
+        knots = list(_with_headings(self._through(knots, paces.of(allowance(allowed_mps)))))
         return knots, (here.floor,) * len(knots)
 
 

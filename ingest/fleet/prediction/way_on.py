@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
-from ingest.fleet.prediction.forecast_model import Knot
+from ingest.fleet.prediction.forecast_model import Knot, Sighting
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import CORNER_RAD, LEAST_STEP_S, turn_in_parts
 
@@ -25,6 +25,9 @@ SLOWING = 0.9
 """A robot whose speed falls to less than this share on the last piece slows down."""
 AWAY_M = 0.1
 """A robot that is to go no further than this stands."""
+PASSING = (0.5, 3.0)
+"""A robot passes a destination if it is to be at the next one at a speed between these shares of its own. If it is to
+be slower, it stops; if it is to be faster, the times are not meant."""
 
 
 class End(NamedTuple):
@@ -93,6 +96,20 @@ def way_on(
         knots += turned(knots[-1], aside_rad + off_rad, turn_radps)
         knots.append(_moved(knots[-1], aside_rad, abs(aside_m), mps))
     return knots + _corner(knots[-1], destination[3], turn_radps)
+
+
+def is_passed(stop: Knot, following: Knot, mps: float) -> bool:
+    """Whether the times of two destinations leave no time for a stop at the first."""
+    least, most = PASSING
+    after_s = following[0] - stop[0]
+    length_m = hypot(following[1] - stop[1], following[2] - stop[2])
+    return after_s > 0.0 and least * mps <= length_m / after_s <= most * mps
+
+
+def is_behind(stop: Knot, following: Knot, here: Sighting) -> bool:
+    """Whether a robot is late for a destination because it has passed it on its way to the next."""
+    dx, dy = following[1] - stop[1], following[2] - stop[2]
+    return stop[0] < here.t_s and dx * (here.x_m - stop[1]) + dy * (here.y_m - stop[2]) > 0.0
 
 
 def _moved(knot: Knot, direction_rad: float, length_m: float, mps: float) -> Knot:

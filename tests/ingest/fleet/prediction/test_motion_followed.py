@@ -369,6 +369,29 @@ def test_a_robot_that_never_says_that_it_drives_is_foreseen_by_its_displacement(
     assert bases == [Basis.STATIONARY, Basis.VELOCITY, Basis.VELOCITY, Basis.VELOCITY, Basis.STATIONARY]
 
 
+def chain(every_s: float, first: int = 1) -> list[dict[str, Any]]:
+    """Destinations 2 m apart along x, with so much time between them."""
+    stops = [(NOW_S + every_s * count, 2.0 * count, 0.0, 0.0) for count in range(first, first + 8)]
+    return points(*stops)
+
+
+@pytest.mark.parametrize(("every_s", "ends_m"), [(2.0, 10.0), (10.0, 2.0)])
+def test_a_robot_passes_destinations_at_which_its_times_leave_no_stop(every_s: float, ends_m: float) -> None:
+    of = hall()
+    raw = status("1", NOW_S, 0.0, 0.0, velocity={"linear": 1.0}, destinations=chain(every_s))
+    of.receive(raw, NOW_S, LINE)
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 10)[0] == pytest.approx(ends_m, abs=0.3)
+
+
+def test_destinations_that_a_robot_has_passed_do_not_hold_it() -> None:
+    of = hall()
+    raw = status("1", NOW_S, 3.0, 0.0, velocity={"linear": 1.0}, destinations=chain(2.0, first=-1))
+    of.receive(raw, NOW_S, LINE)
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 8)[0] == pytest.approx(11.0, abs=0.3)
+
+
 def test_bytes_that_are_no_letters_cost_no_place_and_no_document() -> None:
     of = hall()
     for s in range(2):
