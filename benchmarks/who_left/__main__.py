@@ -9,6 +9,7 @@ least 2 s ahead and until it began.
 import argparse
 import json
 from collections.abc import Iterable, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ def on_scene(kind: str, seed: int, seconds: float) -> Figures:
     scene = scene_of(kind, seed, seconds)
     alerts, _ = alerts_of(log_of(scene.walks, seconds, np.random.default_rng(seed), HALL), site=scene.site)
     gone_s = {walk.uuid: START_S + walk.ends_s + SILENT_S for walk in scene.walks}
+    gone_s = {uuid: at_s if at_s + END_S < START_S + seconds else inf for uuid, at_s in gone_s.items()}
     met = list(meetings(scene.walks, seconds))
     return {
         "scene": kind,

@@ -22,6 +22,8 @@ CLEARANCE_M = 0.3
 PASSES_M = 0.65
 """Between the centres of a body that stands and one that goes around it."""
 SILENT_S = 5.0
+SWERVES_M = 1.5
+"""So far before and behind a body one swerves."""
 PATH_S = 10
 
 Span = tuple[float, float]
@@ -67,17 +69,26 @@ def walked(points: Sequence[tuple[Point, float]], mps: float, around: Sequence[P
     (last, wait_s), *others = points
     places = [np.tile(last, (max(round(wait_s / STEP_S), 1), 1))]
     for point, wait_s in others:
-        steps = max(round(hypot(point[0] - last[0], point[1] - last[1]) / (mps * STEP_S)), 1)
-        places.append(np.array(last) + np.outer(np.arange(1, steps + 1) / steps, np.subtract(point, last)))
+        long_m = hypot(point[0] - last[0], point[1] - last[1])
+        steps = max(round(long_m / (mps * STEP_S)), 1)
+        places.append(_leg(np.array(last), np.array(point), long_m, steps, around))
         places.append(np.tile(point, (round(wait_s / STEP_S), 1)))
         last = point
-    at_m = np.concatenate(places)
+    return np.concatenate(places)
+
+
+def _leg(begin: Floats, end: Floats, long_m: float, steps: int, around: Sequence[Point]) -> Floats:
+    """(steps, 2) places on a leg, which swerves before each body in its way."""
+    along_m = long_m * np.arange(1, steps + 1) / steps
+    ahead = (end - begin) / max(long_m, 1e-6)
+    aside, shift_m = np.array([-ahead[1], ahead[0]]), np.zeros(steps)
     for body in around:
-        away = at_m - body
-        away_m = np.hypot(*away.T)
-        is_near = (away_m < PASSES_M) & (away_m > 1e-6)
-        at_m[is_near] = body + away[is_near] * (PASSES_M / away_m[is_near])[:, None]
-    return at_m
+        body_m, aside_m = float((body - begin) @ ahead), float((body - begin) @ aside)
+        if abs(aside_m) < PASSES_M and 0.0 < body_m < long_m:
+            away_m = aside_m - PASSES_M if aside_m > 0.0 else aside_m + PASSES_M
+            shift_m += away_m * np.exp(-(((along_m - body_m) / SWERVES_M) ** 4))
+    shifted: Floats = begin + np.outer(along_m, ahead) + np.outer(shift_m, aside)
+    return shifted
 
 
 def meetings(walks: Sequence[Walk], seconds: float) -> Iterator[Meeting]:

@@ -133,8 +133,8 @@ def _is_likely(predicted: Any, now_s: float, thresholds: Any) -> bool:
 def _record_look(pair: Any, predicted: Any, is_likely: bool, thresholds: Any) -> bool:
     """Update the row of a predicted pair; return whether this look is alerting.
 
-    A look alerts if a robot has a new forecast, the pair comes together, and probably both are there. A pair that
-    begins within the clearance alerts only if it is about to touch.
+    A look alerts if a robot has a new forecast and the pair comes together. A pair that begins within the clearance
+    alerts only if it is about to touch.
     """
     pair.predicted = True
     if predicted.start_separation_m <= thresholds.clearance_m:
@@ -146,8 +146,7 @@ def _record_look(pair: Any, predicted: Any, is_likely: bool, thresholds: Any) ->
         and predicted.start_separation_m > TOUCHING_M
         and predicted.deciding >= thresholds.raise_probability
     )
-    may_alert = predicted.fresh and not predicted.still and predicted.both_present >= PROBABLY_LEFT
-    is_alerting = may_alert and (about_to_touch if pair.inside else is_likely)
+    is_alerting = predicted.fresh and not predicted.still and (about_to_touch if pair.inside else is_likely)
     if predicted.fresh:
         pair.looks = (pair.looks << 1 | is_alerting) & thresholds.looks_mask
         pair.weighed_until_s = -inf
@@ -249,12 +248,14 @@ def _has_been_still(pair: Any, is_still: bool, now_s: float, clear_after_s: floa
 
 @inner
 def _decide_with_advisory(pair: Any, advisory: Any, predicted: Any, now_s: float, thresholds: Any) -> int:
-    """The code for a pair that has an open advisory. Once one of the two has probably left, it ends at once."""
-    if predicted.both_present < PROBABLY_LEFT:
+    """The code for a pair that has an open advisory. It ends at once if the two are not both there as likely as an
+    advisory must be."""
+    if predicted.both_present < min(PROBABLY_LEFT, thresholds.raise_probability):
         return MAY_CLEAR
     if _has_been_still(pair, predicted.still, now_s, thresholds.clear_after_s):
         return CLEAR_STILL
-    if predicted.deciding < thresholds.held_probability and not pair.inside:
+    are_close = pair.inside and predicted.both_present >= PROBABLY_LEFT
+    if predicted.deciding < thresholds.held_probability and not are_close:
         return _decide_unlikely(pair, advisory, predicted.probability, now_s, thresholds)
     return _decide_update(pair, advisory, predicted, now_s, thresholds)
 

@@ -58,7 +58,7 @@ PRIOR_GONE = {LastSeen.GOING: 0.1, LastSeen.ARRIVED: 0.02, LastSeen.STANDING: 0.
 STAYS = {LastSeen.GOING: 0.25, LastSeen.ARRIVED: 0.5, LastSeen.STANDING: 0.5, LastSeen.LEAVING: 0.25}
 """Share of the present robots that never report again by themselves, because they have broken down."""
 AS_WELL = {
-    LastSeen.GOING: (LastSeen.GOING,),
+    LastSeen.GOING: (LastSeen.GOING, LastSeen.LEAVING),
     LastSeen.ARRIVED: (LastSeen.ARRIVED, LastSeen.GOING, LastSeen.LEAVING),
     LastSeen.STANDING: (LastSeen.STANDING,),
     LastSeen.LEAVING: (LastSeen.LEAVING,),
