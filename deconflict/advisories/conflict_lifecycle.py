@@ -289,7 +289,7 @@ class ConflictLifecycle:
         for watched, code in examination.unpredicted:
             a, b = watched.pair
             is_look = a in updated or b in updated
-            is_absent = watched.advisory and (scene.absence(a) or scene.absence(b))
+            is_absent = watched.advisory and any(not scene.is_present(uuid) or scene.absence(uuid) for uuid in (a, b))
             is_unchanged = watched.advisory and code == NO_CHANGE and not is_look and not is_absent
             if is_unchanged or _is_later(watched.advisory, until_s):
                 continue

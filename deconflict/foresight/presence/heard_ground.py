@@ -17,7 +17,6 @@ from deconflict.foresight.presence.silence_outcomes import CELL_M, Index
 from deconflict.runtime.learned_state import Form, Part, count_column
 from deconflict.settings.shared_places import Place, outlines
 
-
 ENOUGH = 3
 """A cell into which so many came has an edge, if nobody was heard beyond."""
 MOST_CELLS = 20_000
@@ -72,7 +71,8 @@ class HeardGround:
 
     def learned(self) -> Part:
         """What is kept over a restart."""
-        return FORM.part({"cells": [list(cell) for cell in self._came], "came": np.array([*self._came.values()], float)})
+        came = np.array(list(self._came.values()), np.float64)
+        return FORM.part({"cells": [list(cell) for cell in self._came], "came": came})
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""
