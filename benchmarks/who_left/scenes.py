@@ -109,7 +109,7 @@ def _stalled(kind: str, rng: Generator, name: str, t_s: float, at_m: Point, seco
     way = [(begin, 0.0), (at_m, rng.uniform(30, 50)), (end, 0.0)]
     stands_for_ever = rng.random() < 1 / 3
     if stands_for_ever:
-        way = [*way[:1], (at_m, 1.0)]
+        way = [way[0], (at_m, 1.0)]
     walk = Walk(name, t_s, walked(way, mps, STAND_AT), rng.random() < 0.5 or kind != "street", stays=stands_for_ever)
     reaches_s = t_s + len(walked(way[:2], mps, STAND_AT)) * 0.1 - way[1][1] - 0.5
     walk.silent.append((reaches_s, seconds if stands_for_ever else reaches_s + way[1][1] + 1.0))

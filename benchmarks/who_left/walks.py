@@ -39,7 +39,7 @@ class Walk:
     at_m: Floats
     """(n, 2) its places, `STEP_S` apart."""
     tells_goal: bool
-    """Whether its path is its own plan, which ends where it leaves. Otherwise it goes on as in the last second."""
+    """Whether its path is its own plan, which ends where it leaves. Otherwise its path goes straight on."""
     stays: bool = False
     """Whether it is still there at its last place when the log ends."""
     silent: list[Span] = field(default_factory=list)
@@ -118,9 +118,9 @@ def log_of(walks: Sequence[Walk], seconds: float, rng: Generator, datum: str) ->
     lines: list[tuple[float, dict[str, Any]]] = []
     for walk in walks:
         lines.append((walk.begins_s, _identity(walk)))
-        seconds_s = np.arange(walk.begins_s + rng.uniform(0, 1), min(walk.ends_s, seconds), 1.0).tolist()
-        heard_s = [t_s for t_s in seconds_s if not walk.is_silent(t_s)]
-        lines.extend((t_s + rng.uniform(0.03, 0.2), _status(walk, t_s, datum)) for t_s in heard_s)
+        times_s = np.arange(walk.begins_s + rng.uniform(0, 1), min(walk.ends_s, seconds), 1.0).tolist()
+        said_s = [t_s for t_s in times_s if not walk.is_silent(t_s)]
+        lines += [(t_s + rng.uniform(0.03, 0.2), _status(walk, t_s, datum)) for t_s in said_s]
     for arrival_s, message in sorted(lines, key=lambda line: line[0]):
         yield json.dumps({"received": write(START_S + arrival_s), "message": message}) + "\n"
 

@@ -95,7 +95,7 @@ class Engine:
         self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
-        self.presence = Presence(self.live, self.measures, [*site.resources, *site.zones])
+        self.presence = Presence(self.live, self.measures, site)
         self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)

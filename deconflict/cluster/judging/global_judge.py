@@ -44,7 +44,7 @@ class GlobalJudge:
         """`learned` is what `learned()` of an earlier judge returned; parts that can't be used are set aside."""
         self.site, self.measures = site, Measures()
         self._live, self._floors = LiveRobots(), FloorNumbers(self.measures)
-        self._presence = Presence(self._live, self.measures, [*site.resources, *site.zones])
+        self._presence = Presence(self._live, self.measures, site)
         self._arrived_s: dict[str, float] = {}
         """When the newest status of each robot arrived."""
         self._burden, self._answers, restored = Burden(), AsyncAnswers(submit), tuple(restored)

@@ -71,9 +71,8 @@ class HeardGround:
 
     def learned(self) -> Part:
         """What is kept over a restart."""
-        return FORM.part(
-            {"cells": [list(cell) for cell in self._came], "came": np.array([*self._came.values()], float)}
-        )
+        came = np.array(list(self._came.values()), np.float64)
+        return FORM.part({"cells": [list(cell) for cell in self._came], "came": came})
 
     def resume(self, part: Part) -> None:
         """Go on with what `learned` returned. Raises `UnreadableError`."""

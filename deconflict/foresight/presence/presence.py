@@ -6,7 +6,7 @@ grown by a fifth, so that never all robots are checked at once. If another robot
 there: it is removed until it reports again. Pure: the same calls give the same results.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
@@ -40,7 +40,7 @@ from deconflict.foresight.presence.silence_outcomes import (
     UsualExit,
 )
 from deconflict.runtime.learned_state import Learner
-from deconflict.settings.shared_places import Place
+from deconflict.settings.site import DEFAULT, Site
 from deconflict.sweep.geometry.pose import pose_at
 from ingest.batch import Basis, Batch, Floats, FloorPoint, Forecasts
 from ingest.measures.measures import Measures
@@ -69,9 +69,9 @@ MOST_SHOWN = 300
 class Presence:
     """The presence of all robots. `live` belongs to the engine, which updates it with each batch after this."""
 
-    def __init__(self, live: LiveRobots, measures: Measures, places: Iterable[Place] = ()) -> None:
-        """`places` are those of the site; of these, doors and lifts may be exits."""
-        self._live, self._measures, self._ground = live, measures, HeardGround(places)
+    def __init__(self, live: LiveRobots, measures: Measures, site: Site = DEFAULT) -> None:
+        self._live, self._measures = live, measures
+        self._ground = HeardGround([*site.zones, *site.resources])
         self._intervals, self._connections = ReportIntervals(), VendorConnections()
         self._outcomes, self._places = SilenceOutcomes(), BelievedPlaces()
         self._last_seen_at = BelievedPlaces()

@@ -22,6 +22,7 @@ GRACE_S, GRACE_GAPS, GRACE_UNKNOWN_S = 5.0, 3.0, 30.0
 third number if its usual gap is not known. It is not silent as long as the rules of its language allow."""
 SOON_SHARE = 0.6
 """A robot is silent after this share of that time already, if it has probably left by then."""
+SOON_S = SOON_SHARE * GRACE_S
 STOOD_MPS, STOOD_LEAST_M, STOOD_MOST_M = 0.05, 0.02, 0.1
 """A robot stood between two reports if it moved at most at this speed. Up to the second number it always stood; beyond
 the third it never did."""
@@ -110,11 +111,7 @@ def _add_reports(
     for leg in range(n):
         row, was = rows[leg], before[leg]
         robot, knot = heard[slots[row]], start[row]
-        robot.arrival_s, robot.event_s, robot.due_s = (
-            arrival_s[row],
-            event_s[row],
-            arrival_s[row] + SOON_SHARE * GRACE_S,
-        )
+        robot.arrival_s, robot.event_s, robot.due_s = arrival_s[row], event_s[row], arrival_s[row] + SOON_S
         robot.reports_within_s = reports_within_s[row]
         robot.x_m, robot.y_m, robot.yaw_rad, robot.floor = x_m[knot], y_m[knot], yaw_rad[knot], floor[knot]
         if was.reports:

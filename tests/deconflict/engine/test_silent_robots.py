@@ -277,3 +277,21 @@ def test_metrics_count_how_silences_ended_and_which_robots_have_probably_left(do
     values = measures.as_document()["values"]
     assert values["deconflict_robots_probably_left"] == [[["Alder"], 0]]
     assert values["deconflict_silences_total"] == [[["Alder", "driven_through"], 1]]
+
+
+def test_a_warning_ends_before_the_grace_time_when_one_goes_out_over_the_edge() -> None:
+    floor = Judged()
+    leave(floor, 3)
+    for name in ("first", "second"):
+        floor.identify(name, baseRobotEnvelope=SIZE)
+    for second in range(10):
+        if second <= 6:
+            floor.say("first", DOOR_M - 6.0 + second, 0.2, 1.0, path_s=2)
+        floor.say("second", DOOR_M - 9.0 + second, 0.2, 1.0)
+        floor.tick()
+        floor.wait(1.0)
+    raised, *_, cleared = floor.conflicts()
+    silent_s = cleared.updated_at.timestamp() - (NOW_S + floor.now_s - 4.0)
+    assert (raised.state, cleared.state) == (AdvisoryState.RAISED, AdvisoryState.CLEARED)
+    assert str(cleared.cleared_because).endswith("is silent and has probably left")
+    assert 3.0 <= silent_s < 4.0

@@ -73,3 +73,15 @@ def test_an_advisory_that_is_no_longer_predicted_is_cleared_while_a_robot_is_pro
         story.now_s += 0.25
         story.advisories += story.lifecycle.revise(story.now_s, in_columns([]), set(PAIR), story)
     assert story.advisories[-1].cleared_because == "Alder b is silent and has probably left"
+
+
+def test_an_advisory_ends_at_once_when_a_robot_has_probably_left_however_likely_it_was() -> None:
+    story = Story()
+    assert story.passes(1.0, 3.0, 1.0, 1.0) == [AdvisoryState.RAISED]
+    story.why_absent = Absence(ClearedCode.LEFT_IN_SILENCE)
+    assert story.passes(0.25, 3.0, 1.0, 0.35) == [AdvisoryState.CLEARED]
+    story = Story()
+    story.passes(1.0, 3.0, 1.0, 1.0)
+    story.why_absent = Absence(ClearedCode.LEFT_IN_SILENCE)
+    (cleared,) = story.lifecycle.revise(story.now_s + 0.25, in_columns([]), set(), story)
+    assert cleared.cleared_because == "Alder b is silent and has probably left"
