@@ -147,7 +147,7 @@ def questions(site: Site) -> Iterator[str]:
     """What may be right, but is more often a slip."""
     for datum in site.datums:
         if not _is_uuid(datum.id):
-            yield f"datum {datum.name}: its id {datum.id!r} is no UUID; messages of the standard name a datum by a UUID"
+            yield f"datum {datum.name}: its id {datum.id!r} is no UUID; MassRobotics robots send one, VDA 5050 a mapId"
     if site.conflict.clearance_m > LARGE_CLEARANCE_M:
         yield f"conflict.clearance_m = {site.conflict.clearance_m:g}: robots that pass at that distance are warned of"
     for key, size_m in _envelopes(site):
