@@ -5,10 +5,9 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any
 
+from deconflict.roles.processes.running_service import ADDRESS, add_service_options, service_client
 from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in
 from ingest.languages.visible_text import visible_lines
-from ingest.security.certificates import client_context
-from ingest.security.tokens import secret
 from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
 
 if TYPE_CHECKING:
@@ -16,10 +15,7 @@ if TYPE_CHECKING:
 
 TO_MEND = 1
 """Exit code if something is to be mended."""
-TIMEOUT_S = 30.0
 LEAST_S = 0.1
-ADDRESS = "http://127.0.0.1:8080"
-"""Where `serve` has the operators' port on the same machine, unless it is told otherwise."""
 
 
 def add_senders(commands: Commands) -> None:
@@ -31,25 +27,13 @@ def add_senders(commands: Commands) -> None:
         "deconflict senders",
         "deconflict senders https://floor.example:8080 --token env:DECONFLICT_TOKEN --seconds 20",
     )
-    command.add_argument(
-        "url",
-        nargs="?",
-        default=ADDRESS,
-        metavar="URL",
-        help="the operators' port of the service (default: %(default)s)",
-    )
+    add_service_options(command)
     command.add_argument(
         "--seconds",
         type=number_in(LEAST_S, LONGEST_S),
         default=60.0,
         metavar="S",
         help="how long to watch (default: %(default)g)",
-    )
-    command.add_argument("--token", metavar="SOURCE", help="source of a token that may read: env:NAME or file:PATH")
-    command.add_argument(
-        "--ca",
-        metavar="FILE",
-        help="PEM file of the authority of an https port; that of the system if absent",
     )
     command.set_defaults(run=_senders)
 
@@ -58,11 +42,8 @@ def _senders(args: argparse.Namespace) -> int:
     """0 if nothing is to be mended, 1 if something is, 2 if the service does not answer."""
     import httpx  # noqa: PLC0415 - the command line starts without it
 
-    headers = {"authorization": f"Bearer {secret(args.token)}"} if args.token else {}
     try:
-        with httpx.Client(
-            base_url=args.url, headers=headers, verify=client_context(args.ca or ""), timeout=TIMEOUT_S
-        ) as http:
+        with service_client(args) as http:
             before = _answers(http)
             sys.stderr.write(f"watching {args.url} for {args.seconds:g} s\n")
             time.sleep(args.seconds)

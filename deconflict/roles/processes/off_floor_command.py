@@ -6,17 +6,13 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from deconflict.roles.processes.running_service import add_service_options, service_client
 from deconflict.runtime.command_parsers import MISUSED, Commands, add_command
 from ingest.languages.visible_text import visible_lines
-from ingest.security.certificates import client_context
-from ingest.security.tokens import secret
 
 if TYPE_CHECKING:
     import httpx
 
-ADDRESS = "http://127.0.0.1:8080"
-"""Where `serve` has the operators' port on the same machine, unless it is told otherwise."""
-TIMEOUT_S = 30.0
 MOST_NAMED = 5
 
 
@@ -31,19 +27,9 @@ def add_off_floor(commands: Commands) -> None:
         "deconflict off-floor UUID https://floor.example:8080 --token env:DECONFLICT_TOKEN",
     )
     command.add_argument("robot", metavar="ROBOT", help="its name as the page shows it, or its UUID")
-    command.add_argument(
-        "url",
-        nargs="?",
-        default=ADDRESS,
-        metavar="URL",
-        help="the operators' port of the service (default: %(default)s)",
-    )
+    add_service_options(command)
     command.add_argument("--back", action="store_true", help="put the robot back on the floor")
     command.add_argument("--name", help="who says so; whose token it is, or else the user of this machine")
-    command.add_argument("--token", metavar="SOURCE", help="source of a token: env:NAME or file:PATH")
-    command.add_argument(
-        "--ca", metavar="FILE", help="PEM file of the authority of an https port; that of the system if absent"
-    )
     command.set_defaults(run=_off_floor)
 
 
@@ -51,11 +37,8 @@ def _off_floor(args: argparse.Namespace) -> int:
     """0 once the service has it, 2 if it does not."""
     import httpx  # noqa: PLC0415 - the command line starts without it
 
-    headers = {"authorization": f"Bearer {secret(args.token)}"} if args.token else {}
     try:
-        with httpx.Client(
-            base_url=args.url, headers=headers, verify=client_context(args.ca or ""), timeout=TIMEOUT_S
-        ) as http:
+        with service_client(args) as http:
             uuid, name = _robot(http, args.robot)
             body = {"off_floor": not args.back, "name": args.name or _user()}
             answer = _answer(http.post(f"/robots/{uuid}/off-floor", json=body))
