@@ -37,7 +37,7 @@ from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.foresight.near_misses.near_miss_trigger import NearMissTrigger
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
-from deconflict.foresight.presence.presence import MOST_SHOWN, Presence
+from deconflict.foresight.presence.presence import HEARD_GROUND, MOST_SHOWN, Presence
 from deconflict.foresight.probability.advice_followers import waits_until_s
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.foresight.probability.pair_candidates import SweptConflicts
@@ -109,7 +109,7 @@ class Engine:
         shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
-        self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
+        self.set_aside = self._resumed(learned) if learned else {}
         self._loss_warnings = LossWarnings(advisories, self.foresight.last_advised_wait_s, self.foresight.has_followed)
         self.near_misses, self.losses, self.refusals, self.followed = [], [], [], []
         self._updated: set[str] = set()
@@ -157,7 +157,7 @@ class Engine:
     ) -> None:
         """Go on as another engine that made the same passes lately, with what it had published, learned and under way
         by now."""
-        self.set_aside = resume_all(self._learners, upgraded(learned), self._shared.asked.learners) if learned else {}
+        self.set_aside = self._resumed(learned) if learned else {}
         conflicts = (advisory for advisory in published if isinstance(advisory, ConflictAdvisory))
         self._conflicts.resume({advisory.robots: advisory for advisory in conflicts}, ordinals)
         self._advice.burden.burdens_s.update(burdens_s)
@@ -175,6 +175,11 @@ class Engine:
     def _learners(self) -> dict[str, Learner]:
         shared = self._shared.contention.learners | self._shared.asked.learners | self.presence.learners
         return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
+
+    def _resumed(self, learned: Mapping[str, Part]) -> dict[str, str]:
+        """Go on with a learned state. Returns what `set_aside` has."""
+        new = {*self._shared.asked.learners, HEARD_GROUND}
+        return resume_all(self._learners, upgraded(learned), new)
 
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed, without those that are not `examined`. A batch may hold the whole floor."""

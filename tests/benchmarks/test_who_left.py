@@ -28,10 +28,11 @@ def test_a_scene_is_the_same_each_time_and_nobody_reports_in_silence() -> None:
     logs = [list(log_of(scene_of("hall", 3, 60.0).walks, 60.0, np.random.default_rng(3), "hall")) for _ in range(2)]
     assert logs[0] == logs[1]
     parked = next(walk for walk in scene_of("hall", 3, 60.0).walks if walk.silent)
-    document = [message for line in logs[0] if "location" in (message := json.loads(line)["message"])]
-    said_s = [datetime.fromisoformat(each["timestamp"]).timestamp() for each in document if each["uuid"] == parked.uuid]
-    assert said_s
-    assert not any(parked.is_silent(at_s - START_S) for at_s in said_s)
+    messages = [json.loads(line)["message"] for line in logs[0]]
+    stamps = [each["timestamp"] for each in messages if "location" in each and each["uuid"] == parked.uuid]
+    reported_s = [datetime.fromisoformat(stamp).timestamp() for stamp in stamps]
+    assert reported_s
+    assert not any(parked.is_silent(at_s - START_S) for at_s in reported_s)
     assert {zone.kind for zone in scene_of("hall", 3, 9.0).site.zones} == {"door"}
     assert not set(STALLS_AT) & set(STAND_AT)
 

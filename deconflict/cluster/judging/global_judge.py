@@ -19,7 +19,7 @@ from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.engine.claim_lifecycle import ClaimLifecycle, JudgedAdvisory
 from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.foresight.presence.live_robots import LiveRobots
-from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.presence import HEARD_GROUND, Presence
 from deconflict.foresight.presence.presence_batches import contention_batches, with_end_before
 from deconflict.runtime.learned_state import Learner, Part, learned_of, resume_all
 from deconflict.settings.site import Site
@@ -57,7 +57,7 @@ class GlobalJudge:
         self._cross_ingest_claims = CrossIngestClaims()
         self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)
         """The last published revision of each advisory."""
-        self.set_aside = resume_all(self._learners, upgraded(learned)) if learned else {}
+        self.set_aside = resume_all(self._learners, upgraded(learned), (HEARD_GROUND,)) if learned else {}
         """The parts of the learned state with which this judge does not go on, each with the reason."""
 
     def open(self) -> list[FindingAdvisory]:

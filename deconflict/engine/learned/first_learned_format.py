@@ -16,7 +16,7 @@ from deconflict.engine.learned import map_drift
 from deconflict.foresight.forecast_errors import arrival_errors, degradation
 from deconflict.foresight.forecast_errors.error_ledger import COLUMNS
 from deconflict.foresight.learned_estimates import ERRORS, FOLLOWING, MODELS, PROBABILITIES, STARTS
-from deconflict.foresight.presence import removed_robots
+from deconflict.foresight.presence import removed_robots, silence_outcomes
 from deconflict.foresight.probability.calibration import Calibration
 from deconflict.foresight.probability.pair_table import slots_of
 from deconflict.runtime.learned_state import DAMAGE, FORM, Form, Part
@@ -110,6 +110,7 @@ _CONVERSIONS: dict[str, Callable[[Parts], Any]] = {
     "stays": _named("stays", dwell_times.FORM, "dwells_s"),
     "lateness": _arrival_errors,
     "batteries": _batteries,
+    "silences": _same("silences", silence_outcomes.FORM),
     "taken_off": _same("taken_off", removed_robots.FORM),
     "rests": _same("rests", map_drift.FORM),
     **{

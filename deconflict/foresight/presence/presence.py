@@ -47,6 +47,8 @@ from ingest.measures.measures import Measures
 
 SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots_probably_left"
 """Names of metrics."""
+HEARD_GROUND = "heard_ground"
+"""The part of the learned state that files of earlier releases do not have."""
 LOOK_SHARE = 0.2
 """A silent robot is checked again when its silence has grown by this share."""
 LOST_LOOK_S = 5.0
@@ -175,7 +177,7 @@ class Presence:
     @property
     def learners(self) -> dict[str, Learner]:
         """What is kept over a restart: the outcomes of silences, the removed robots, and where robots were heard."""
-        return {"silences": self._outcomes, "taken_off": self._removed, "ground": self._ground}
+        return {"silences": self._outcomes, "taken_off": self._removed, HEARD_GROUND: self._ground}
 
     def _back(self, batch: Batch, legs: Legs) -> list[int]:
         """The rows of robots that report again, whose silences end."""

@@ -67,10 +67,12 @@ AS_WELL = {
 robots arrive at the exit by which they leave."""
 
 
+_FIRST_KINDS = [last.name for last in LastSeen if last is not LastSeen.LEAVING]
+"""A state of an earlier release has no other ones, and fits as it is."""
 Index = Annotated[int, Field(ge=-(10**9), le=10**9)]
 FORM = Form(
     f"robots there, elsewhere and left, by {CELL_M} m cells; silences by {silence_survival.BINS} bins from "
-    f"{silence_survival.FIRST_EDGE_S} s on by the root of 2; last seen as {', '.join(LastSeen.__members__)}",
+    f"{silence_survival.FIRST_EDGE_S} s on by the root of 2; last seen as {', '.join(_FIRST_KINDS)}",
     {"cells": list[tuple[str, Index, Index, LastSeen]], "vendors": list[tuple[str, LastSeen]]},
     {
         "cell_tallies": count_column("cells", 3),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deconflict.foresight.presence.heard_ground import HeardGround
-from deconflict.foresight.presence.presence import Presence
+from deconflict.foresight.presence.presence import HEARD_GROUND, Presence
 from deconflict.runtime.learned_state import UnreadableError, learned_of, packed, unpacked
 from deconflict.settings.shared_places import Point, Resource, Zone
 from deconflict.settings.site import Site
@@ -85,7 +85,7 @@ def test_those_that_come_back_over_the_edge_keep_the_next_one_there() -> None:
 def test_the_heard_ground_is_kept_over_a_restart() -> None:
     learned = unpacked(packed(learned_of(watch_of(Site(datums=DATUMS), 3).presence.learners)))
     nothing = learned_of(Watch().presence.learners)
-    assert there_at_once(Watch(learned=nothing | {"ground": learned["ground"]})) < 0.4
+    assert there_at_once(Watch(learned=nothing | {HEARD_GROUND: learned[HEARD_GROUND]})) < 0.4
 
 
 @pytest.mark.parametrize("spoilt", [{"cells": [["hall", 1]]}, {"came": np.zeros(9)}, {"form": "cells of 9 m"}])
