@@ -206,7 +206,7 @@ class ReceiverRole:
         self._brokers.use(self.site.mqtt_sources, (vendors.of_manufacturer, vendors.configured), again)
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
-        return Dialer(self.receiver, url, vendor, time.monotonic, Random())
+        return Dialer(self.receiver, self.measures, url, vendor, time.monotonic, Random())
 
     async def _batch(self, payload: bytes) -> bytes:
         """The batch of the next tick.

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit, urlunsplit
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI, SecurityError
 
+from ingest.measures.measures import Measures
 from ingest.measures.outages import OutageLog
 from ingest.port.frame_cutter import FrameCuttingClient, FrameCuttingConnection
 from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
@@ -61,12 +62,13 @@ class Dialer:
     def __init__(
         self,
         receiver: Receiver,
+        measures: Measures,
         url: str,
         vendor: str,
         clock: Callable[[], float],
         random: Random,
     ) -> None:
-        self._receiver = receiver
+        self._receiver, self._measures = receiver, measures
         self._url, self._vendor = url, vendor
         self._shown = without_credentials(url)
         self._clock, self._random = clock, random
@@ -93,6 +95,7 @@ class Dialer:
             except Exception:
                 log.exception("the conversation with %s at %s failed; dialling again", self._vendor, self._shown)
             self.failures = 0 if self._is_steady(began_s) else self.failures + 1
+            self._measures.count("deconflict_dial_failures_total", self._vendor)
             await asyncio.sleep(self.wait_s())
 
     def wait_s(self) -> float:

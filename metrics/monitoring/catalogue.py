@@ -17,9 +17,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_rejections_total": counter("Rejected messages, by the rule that rejects them.", "vendor", "rule"),
     "deconflict_broker_connected": gauge("Whether the broker of robots is being heard, 0 or 1.", "source"),
     "deconflict_broker_failures_total": counter("Failed or lost connections to a broker of robots.", "source"),
-    "deconflict_robots_by_language": gauge(
-        "Robots known, by the standard that their messages follow.", "vendor", "language"
-    ),
+    "deconflict_dial_failures_total": counter("Failed or lost connections to a fleet manager.", "vendor"),
+    "deconflict_robots_by_language": gauge("Robots, by the standard that they follow.", "vendor", "language"),
     "deconflict_robots": gauge(
         "Robots on the floors, by operational state; `silent` and `other` are none of the standard.",
         "vendor",

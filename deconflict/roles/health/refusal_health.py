@@ -113,6 +113,11 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
         "see the broker, its address and its password",
         REPEATED,
     ),
+    "deconflict_dial_failures_total": Shown(
+        "connections to a fleet manager failed or were lost",
+        "see whether it is up, and the address in `dial` of its vendor",
+        REPEATED,
+    ),
     "deconflict_outlet_failures_total": Shown(
         "deliveries to an outlet failed",
         "they wait and are tried again; see whether it is up, and the log for its answer",
@@ -177,6 +182,7 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
     "deconflict_statuses_superseded_total": _other("statuses of which the engine read a newer one"),
     "deconflict_revisions_deferred_total": _other("revisions that come in a later pass"),
     "deconflict_robots_forgotten_total": _other("robots that were silent for reading.forget_after_s"),
+    "deconflict_robots_moved_total": _other("robots that were moved; GET /robots says which"),
     "deconflict_silences_total": _other("silences of robots"),
     "deconflict_forecasts_distrusted_total": _other("forecasts that count less; GET /presence lists their robots"),
     "deconflict_deviations_total": _other("deviations in messages that were accepted"),

@@ -46,7 +46,7 @@ class Dialled:
             measures=self.measures,
             clock=self.clock,
         )
-        self.dialer = Dialer(self.receiver, url, "Alder", self.clock, Random(1))
+        self.dialer = Dialer(self.receiver, self.measures, url, "Alder", self.clock, Random(1))
 
     def deliver(self, raw: bytes, _: float, connection: Connection) -> None:
         self.delivered.append((raw, connection))
@@ -117,6 +117,7 @@ async def test_a_fleet_manager_that_comes_late_is_reached_and_its_absence_told_o
     assert len(log_records) == 1
     assert "Alder" in log_records[0].getMessage()
     assert "connected to Alder" in caplog.text, "that it came is logged, too"
+    assert dialled.measures.values["deconflict_dial_failures_total"]["Alder",] >= 3
 
 
 async def test_the_loss_of_a_fleet_manager_that_came_late_and_stayed_is_logged(
