@@ -24,7 +24,7 @@ SHIFTS_S = tuple(
     sign * by_s for by_s in (23, 37, 53, 61, 71, 83, 97, 109, 127, 139, 151, 167, 181, 199) for sign in (-1, 1)
 )
 ROUGH_SHIFTS = 7
-"""Every so manieth shift is enough where there are overlaps."""
+"""One shift of this many is enough where there are overlaps."""
 EPISODE_S = 20
 BY_CHANCE = 1e-4
 """So improbable is it at most that robots which do not see each other have so few overlaps: some twenty transforms are
