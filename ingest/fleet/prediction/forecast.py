@@ -163,10 +163,10 @@ class _Route(NamedTuple):
         if abs(here.turn_radps) > 1e-3:
             return _arc(here, self.context.reading.horizon_s)
         direction_rad = heading if speed_mps >= 0.0 else heading + pi
-        destination = self._destination() if abs(speed_mps) > MOVING_MPS else None
-        if destination and _is_on_way(here, direction_rad, destination):
-            end = way_on(knot_at(here), direction_rad, abs(speed_mps), destination, until, self.paces.turn_radps)
-            knots = self._through([knot_at(here), *end], abs(speed_mps))
+        stops = self._destinations() if abs(speed_mps) > MOVING_MPS else []
+        if stops and _is_on_way(here, direction_rad, stops[0]):
+            end = way_on(knot_at(here), direction_rad, abs(speed_mps), stops[0], until, self.paces.turn_radps)
+            knots = self._through([knot_at(here), *end], stops, abs(speed_mps))
             return knots, (here.floor,) * len(knots)
         reach_m = speed_mps * (until - here.t_s)
         end_x, end_y = here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading)
@@ -178,7 +178,8 @@ class _Route(NamedTuple):
         short = end[0] < here.t_s + self.context.reading.horizon_s - SHORT_BY_S
         if not short or self.status.path.ends_in_stop or set(floors) != {here.floor} or isnan(end[3]):
             return knots, floors
-        destination = self._destination()
+        stops = self._destinations()
+        destination = stops[0] if stops else None
         going = end_of(knots, abs(here.linear_mps or 0.0), destination)
         if going is None:
             return knots, floors
@@ -188,22 +189,21 @@ class _Route(NamedTuple):
         mps *= self.paces.beyond_share
         until = until_s(here, self.context)
         further = way_on(end, going.direction_rad, mps, destination, until, self.paces.turn_radps)
-        knots = self._through([*knots, *further], mps)
+        knots = self._through([*knots, *further], stops, mps)
         return knots, (*floors, *(here.floor,) * (len(knots) - len(floors)))
 
-    def _through(self, knots: list[Knot], mps: float) -> list[Knot]:
-        """The knots, and how the robot goes on where they end at a destination at which its times leave no stop."""
-        for stop, following in pairwise(self._destinations()):
+    def _through(self, knots: list[Knot], stops: Sequence[Knot], mps: float) -> list[Knot]:
+        """The knots, and how the robot goes on where they end at a destination at which its times leave no stop.
+
+        `stops` are its destinations.
+        """
+        for stop, following in pairwise(stops):
             end = knots[-1]
             is_there = hypot(stop[1] - end[1], stop[2] - end[2]) <= THERE_M
             if end[0] >= until_s(self.here, self.context) or not (is_there and is_passed(stop, following, mps)):
                 break
             knots = [*knots, *driven_to(end, following, mps, self.paces.turn_radps)[1:]]
         return knots
-
-    def _destination(self) -> Knot | None:
-        """The next destination on this floor; None if there is none."""
-        return next(iter(self._destinations()), None)
 
     def _destinations(self) -> list[Knot]:
         """The destinations on this floor in the order of their times, without those that the robot has passed."""
@@ -220,17 +220,17 @@ class _Route(NamedTuple):
 
     def _by_destination(self) -> Route | None:
         """Straight to the next destination on this floor, at the time it states or at the robot's pace."""
-        if (destination := self._destination()) is None:
+        if not (stops := self._destinations()):
             return None
-        here, paces = self.here, self.paces
-        allowed_mps = self.context.body.max_speed_mps or inf
-        knots = driven_to(knot_at(here), destination, paces.of(allowance(allowed_mps)), paces.turn_radps)
+        here, destination = self.here, stops[0]
+        mps = self.paces.of(allowance(self.context.body.max_speed_mps or inf))
+        knots = driven_to(knot_at(here), destination, mps, self.paces.turn_radps)
         if len(knots) < 2:
             return _standing(here)
         if destination[0] > here.t_s:
             share = (destination[0] - here.t_s) / (knots[-1][0] - here.t_s)
             knots = [(here.t_s + share * (t_s - here.t_s), x, y, yaw_rad) for t_s, x, y, yaw_rad in knots]
-        knots = list(_with_headings(self._through(knots, paces.of(allowance(allowed_mps)))))
+        knots = list(_with_headings(self._through(knots, stops, mps)))
         return knots, (here.floor,) * len(knots)
 
 
