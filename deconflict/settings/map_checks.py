@@ -14,6 +14,8 @@ from ingest.settings import Datum, VendorMap
 
 MAX_DISTORTION = 0.02
 """Largest difference of scale between two directions. From three points, a larger one counts as a wrong reading."""
+METRE_LIKE = (0.8, 1.25)
+"""A map whose unit has a length between these, in metres, is in metres."""
 MAX_BEND = 0.2
 """Largest change of a length (as a share) or a heading (radians) that ADJUST may make within a triangle."""
 MAX_SITE_M = 20_000.0

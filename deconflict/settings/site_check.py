@@ -11,7 +11,7 @@ from uuid import UUID
 import numpy as np
 import shapely
 
-from deconflict.settings.map_checks import map_problems
+from deconflict.settings.map_checks import METRE_LIKE, map_problems
 from deconflict.settings.shared_places import PRIOR_SERVICE_S, Resource, Zone, outlines
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import SiteError, datum_of, fit_problems, load
@@ -25,7 +25,6 @@ from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
 from ingest.settings import Datum, Envelope, Vendor, VendorMap
 
-METRE_LIKE = (0.8, 1.25)
 METRE_MAP = (0.998, 1.002)
 """A scale inside `METRE_LIKE` and outside `METRE_MAP` is probably a wrong reading of a map in metres."""
 

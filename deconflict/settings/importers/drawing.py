@@ -13,7 +13,7 @@ from uuid import UUID, uuid5
 
 import shapely
 
-from deconflict.settings.importers.plan import ImportedPlan, Lane, Level, Lift, Node, Spot, UnusedParts
+from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot, UnusedParts
 from deconflict.settings.shared_places import Landing, Obstacle, Point, Polygon, Resource, Zone, outlines
 from deconflict_client.counted_nouns import count_of
 from ingest.frames.corners import corners_of
@@ -87,20 +87,12 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
 def _undrawn(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
     if narrow := sum(dist(*door.ends) <= NARROWEST_M for level in plan.levels for door in level.doors):
         yield UnusedParts(count_of(narrow, "door"), "without width")
-    by_level = [(_spots(level), level.lanes) for level in plan.levels]
-    lanes = [(_way(lane, at), lane.two_way) for at, found in by_level for lane in found]
+    by_level = [(level.spots(), level.lanes) for level in plan.levels]
+    lanes = [(lane.way(at), lane.two_way) for at, found in by_level for lane in found]
     if one_way := sum(not two_way for _, two_way in lanes):
         yield UnusedParts(count_of(one_way, "one-way lane"), "robots do not meet head-on there")
     if short := sum(two_way and _is_short(way, width_m) for way, two_way in lanes):
         yield UnusedParts(count_of(short, "two-way lane"), f"shorter than {2 * width_m:g} m: no room for two robots")
-
-
-def _spots(level: Level) -> dict[str, Spot]:
-    return {node.id: node.at for node in level.nodes}
-
-
-def _way(lane: Lane, spots: dict[str, Spot]) -> tuple[Spot, ...]:
-    return (spots[lane.start], *lane.bends, spots[lane.end])
 
 
 def _is_short(way: tuple[Spot, ...], width_m: float) -> bool:
@@ -148,7 +140,7 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
             continue
         outline = _along(door.ends, DOOR_DEPTH_M)
         yield Zone(kind="door", id=names.new(level.name, door.name), name=door.name, datum=datum, polygon=outline)
-    at = _spots(level)
+    at = level.spots()
     bends = {(lane.end, lane.start): lane.bends[::-1] for lane in level.lanes}
     bends |= {(lane.start, lane.end): lane.bends for lane in level.lanes}
     for block in level.blocks:
@@ -158,7 +150,7 @@ def _zones(level: Level, datum: str, width_m: float, names: Names) -> Iterator[Z
         outline = _around(ways, width_m)
         yield Zone(kind="crossing", id=names.new(level.name, block.name), name=block.name, datum=datum, polygon=outline)
     for lane in level.lanes:
-        way = _way(lane, at)
+        way = lane.way(at)
         if not lane.two_way or _is_short(way, width_m):
             continue
         for part in _straight_parts(way, width_m):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from deconflict.settings.fleet_factory import fast_fleet_of
+from deconflict.settings.map_checks import METRE_LIKE
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import datum_of
 from ingest.batch import Batch
@@ -22,8 +23,6 @@ from ingest.recording.log_reader import LogReader, Received, by_time
 from ingest.settings import NIL_DATUM, Datum, ReferencePoint, Vendor, VendorMap
 
 LOOK_S = 1.0
-METRE_LIKE = (0.8, 1.25)
-"""A unit of this length is a metre with a wrong reading."""
 UNITS_M = (0.001, 0.01, 0.0254, 0.3048)
 NEAR_UNIT = 0.05
 CORNERS = ((0.0, 0.0), (100.0, 0.0), (0.0, 100.0))

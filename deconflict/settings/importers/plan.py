@@ -1,5 +1,6 @@
 """A plan as the importers read it: points, lanes, doors and lifts, in metres, with y to the left of x."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -34,6 +35,10 @@ class Lane:
     two_way: bool
     bends: tuple[Spot, ...] = ()
     """Points between the nodes that a lane passes which is not straight."""
+
+    def way(self, spots: Mapping[str, Spot]) -> tuple[Spot, ...]:
+        """From node to node. `spots` are the places of its floor's nodes, by id."""
+        return (spots[self.start], *self.bends, spots[self.end])
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +87,10 @@ class Level:
     """From end to end."""
     datum: str = ""
     """The id of the floor in messages of robots; empty if the plan does not have it."""
+
+    def spots(self) -> dict[str, Spot]:
+        """Where its nodes are, by id."""
+        return {node.id: node.at for node in self.nodes}
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,9 +72,9 @@ def _bounds(plan: ImportedPlan, site: DrawnSite) -> Iterator[tuple[float, ...]]:
 
 def _draw_floor(axes: Axes, level: Level, datum: Datum, site: DrawnSite, inches: float) -> dict[str, Patch]:
     """Draw one floor, and return a patch of each kind. `inches` is the length of a metre."""
-    spots = {node.id: node.at for node in level.nodes}
+    spots = level.spots()
     for lane in level.lanes:
-        _draw_lane(axes, (spots[lane.start], *lane.bends, spots[lane.end]), is_arrow=not lane.two_way)
+        _draw_lane(axes, lane.way(spots), is_arrow=not lane.two_way)
     kinds: dict[str, Patch] = {}
     names: list[tuple[str, Spot]] = []
     for kind, name, outline in site.drawn_on(datum.id):
