@@ -13,9 +13,8 @@ from uuid import UUID, uuid5
 
 import shapely
 
-from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot, UnusedParts
+from deconflict.settings.importers.plan import ImportedPlan, Level, Lift, Node, Spot, UnusedParts, unused
 from deconflict.settings.shared_places import Landing, Obstacle, Point, Polygon, Resource, Zone, outlines
-from deconflict_client.counted_nouns import count_of
 from ingest.frames.corners import corners_of
 from ingest.settings import Datum
 
@@ -85,14 +84,13 @@ def drawn_site(plan: ImportedPlan, width_m: float) -> DrawnSite:
 
 
 def _undrawn(plan: ImportedPlan, width_m: float) -> Iterator[UnusedParts]:
-    if narrow := sum(dist(*door.ends) <= NARROWEST_M for level in plan.levels for door in level.doors):
-        yield UnusedParts(count_of(narrow, "door"), "without width")
+    narrow = sum(dist(*door.ends) <= NARROWEST_M for level in plan.levels for door in level.doors)
+    yield from unused(narrow, "door", "without width")
     by_level = [(level.spots(), level.lanes) for level in plan.levels]
     lanes = [(lane.way(at), lane.two_way) for at, found in by_level for lane in found]
-    if one_way := sum(not two_way for _, two_way in lanes):
-        yield UnusedParts(count_of(one_way, "one-way lane"), "robots do not meet head-on there")
-    if short := sum(two_way and _is_short(way, width_m) for way, two_way in lanes):
-        yield UnusedParts(count_of(short, "two-way lane"), f"shorter than {2 * width_m:g} m: no room for two robots")
+    yield from unused(sum(not two_way for _, two_way in lanes), "one-way lane", "robots do not meet head-on there")
+    short = sum(two_way and _is_short(way, width_m) for way, two_way in lanes)
+    yield from unused(short, "two-way lane", f"shorter than {2 * width_m:g} m: no room for two robots")
 
 
 def _is_short(way: tuple[Spot, ...], width_m: float) -> bool:

@@ -1,8 +1,10 @@
 """A plan as the importers read it: points, lanes, doors and lifts, in metres, with y to the left of x."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
+
+from deconflict_client.counted_nouns import count_of
 
 Spot = tuple[float, float]
 """x and y in the frame of its level, metres."""
@@ -100,6 +102,12 @@ class UnusedParts:
     parts: str
     """How many of what, as "3 locked paths"."""
     reason: str
+
+
+def unused(count: int, noun: str, reason: str, plural: str = "") -> Iterator[UnusedParts]:
+    """Says that so many parts are left out; nothing if there are none."""
+    if count:
+        yield UnusedParts(count_of(count, noun, plural), reason)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import shapely
 
-from deconflict.settings.importers.plan import Block, Lane, Level, Node, Spot, UnusedParts
-from deconflict_client.counted_nouns import count_of
+from deconflict.settings.importers.plan import Block, Lane, Level, Node, Spot, UnusedParts, unused
 
 ONE_LANE_M = 0.5
 """Two ways between the same nodes that are no farther apart are one lane."""
@@ -75,12 +74,6 @@ class PlanGraph:
             if self.floor_of[way.start] == self.floor_of[way.end] == key:
                 _join(lanes.setdefault(frozenset((way.start, way.end)), []), way, self.nodes)
         return tuple(_ordered(lane) for between in lanes.values() for lane in between)
-
-
-def unused(count: int, noun: str, reason: str, plural: str = "") -> Iterator[UnusedParts]:
-    """Says that so many parts are left out; nothing if there are none."""
-    if count:
-        yield UnusedParts(count_of(count, noun, plural), reason)
 
 
 def _join(lanes: list[Lane], way: Way, nodes: Mapping[str, Node]) -> None:

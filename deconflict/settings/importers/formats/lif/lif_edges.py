@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from deconflict.settings.importers.formats.directed_ways import Way, unused
-from deconflict.settings.importers.plan import Node, Spot, UnusedParts
+from deconflict.settings.importers.formats.directed_ways import Way
+from deconflict.settings.importers.plan import Node, Spot, UnusedParts, unused
 from ingest.languages.vda5050.trajectories import polyline
 from ingest.languages.vda5050.vda_messages import Trajectory
 

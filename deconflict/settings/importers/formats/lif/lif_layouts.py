@@ -14,10 +14,10 @@ from typing import Any
 
 import shapely
 
-from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way, unused
+from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way
 from deconflict.settings.importers.formats.lif.lif_edges import LifEdges, properties
 from deconflict.settings.importers.formats.location_uses import use_of
-from deconflict.settings.importers.plan import ImportedPlan, Node, PlanError, Spot, UnusedParts
+from deconflict.settings.importers.plan import ImportedPlan, Node, PlanError, Spot, UnusedParts, unused
 
 Table = Mapping[str, Any]
 VERSIONS = ("0", "1", "2")

@@ -9,8 +9,7 @@ from typing import Any
 
 from deconflict.settings.importers.formats.openrmf.buildings import METRES, read_building
 from deconflict.settings.importers.formats.openrmf.rmf_entries import entries, mapping
-from deconflict.settings.importers.plan import ImportedPlan, PlanError, UnusedParts
-from deconflict_client.counted_nouns import count_of
+from deconflict.settings.importers.plan import ImportedPlan, PlanError, unused
 
 OF_VERTICES = {"lift": "lift_cabin", "name": ""}
 OF_LANES = {
@@ -44,7 +43,7 @@ def read_graph(document: Mapping[str, Any]) -> ImportedPlan:
     plan = read_building({**document, "coordinate_system": METRES, "levels": levels, "lifts": lifts})
     doubts = (ONE_FLEET, NO_ORDER) if len(levels) > 1 else (ONE_FLEET,)
     untouched = len(document.get("lifts") or ()) - len(lifts)
-    left = (UnusedParts(count_of(untouched, "lift"), "no vertex of the graph is in it"),) if untouched else ()
+    left = unused(untouched, "lift", "no vertex of the graph is in it")
     return replace(
         plan,
         format=plan.format.replace("building", "navigation graph"),

@@ -7,8 +7,7 @@ from typing import Any
 
 from deconflict.settings.importers.formats.openrmf.rmf_entries import mapping, number
 from deconflict.settings.importers.formats.openrmf.rmf_frames import LevelFrame
-from deconflict.settings.importers.plan import Level, Lift, PlanError, Spot, UnusedParts
-from deconflict_client.counted_nouns import count_of
+from deconflict.settings.importers.plan import Level, Lift, PlanError, Spot, UnusedParts, unused
 
 
 @dataclass(slots=True)
@@ -32,18 +31,15 @@ class RmfLifts:
         return tuple(filter(None, (self._lift(str(name), table) for name, table in self.tables.items())))
 
     def left_out(self) -> Iterator[UnusedParts]:
-        if self.homeless:
-            reason = f"their reference floor is no level of the file: {', '.join(self.homeless)}"
-            yield UnusedParts(count_of(len(self.homeless), "lift"), reason)
-        if self.closed:
-            parts = count_of(len(self.closed), "vertex in a lift", "vertices in lifts")
-            yield UnusedParts(parts, f"the lift has no doors there: {', '.join(self.closed)}")
+        reason = f"their reference floor is no level of the file: {', '.join(self.homeless)}"
+        yield from unused(len(self.homeless), "lift", reason)
+        reason = f"the lift has no doors there: {', '.join(self.closed)}"
+        yield from unused(len(self.closed), "vertex in a lift", reason, "vertices in lifts")
         cabins = [node.lift for level in self.levels.values() for node in level.nodes if node.lift]
-        if unknown := [name for name in cabins if name not in map(str, self.tables)]:
-            parts = count_of(len(unknown), "vertex in a lift", "vertices in lifts")
-            yield UnusedParts(parts, f"the file has no lift of that name: {', '.join(sorted(set(unknown)))}")
-        if self.doors:
-            yield UnusedParts(count_of(self.doors, "lift door"), "the site file has the outline of the cabin")
+        unknown = [name for name in cabins if name not in map(str, self.tables)]
+        reason = f"the file has no lift of that name: {', '.join(sorted(set(unknown)))}"
+        yield from unused(len(unknown), "vertex in a lift", reason, "vertices in lifts")
+        yield from unused(self.doors, "lift door", "the site file has the outline of the cabin")
 
     def _lift(self, name: str, entry: Any) -> Lift | None:
         where = f"lifts.{name}"

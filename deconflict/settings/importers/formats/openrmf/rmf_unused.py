@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from deconflict.settings.importers.formats.openrmf.rmf_entries import PlanEdge, PlanLevel
-from deconflict.settings.importers.plan import UnusedParts
-from deconflict_client.counted_nouns import count_of
+from deconflict.settings.importers.plan import UnusedParts, unused
 
 USED_PARTS = frozenset(
     [
@@ -61,24 +60,19 @@ def unused_parts(document: Mapping[str, Any], levels: Mapping[str, PlanLevel]) -
     vertices = [vertex for level in levels.values() for vertex in level.vertices]
     properties = Counter(key for vertex in vertices for key, value in vertex.properties.items() if value)
     yield from _counted(properties, USED_OF_VERTICES, VERTICES, " of vertices")
-    if named := sum(bool(vertex.name) and not USED_OF_VERTICES & _true(vertex.properties) for vertex in vertices):
-        yield UnusedParts(
-            count_of(named, "named vertex", "named vertices"), "robots only pass: no charger, dock or parking"
-        )
+    named = sum(bool(vertex.name) and not USED_OF_VERTICES & _true(vertex.properties) for vertex in vertices)
+    yield from unused(named, "named vertex", "robots only pass: no charger, dock or parking", "named vertices")
     lanes = [edge for level in levels.values() for edge in level.lanes]
     properties = Counter(key for edge in lanes for key, value in edge.properties.items() if value)
     yield from _counted(properties, USED_OF_LANES, LANES, " of lanes")
-    if twice := sum(_repeated(level.lanes) for level in levels.values()):
-        yield UnusedParts(count_of(twice, "lane"), "the same as others, for another fleet")
-    if points := sum(edge.start == edge.end for edge in lanes):
-        yield UnusedParts(count_of(points, "lane"), "from a vertex to itself")
+    twice = sum(_repeated(level.lanes) for level in levels.values())
+    yield from unused(twice, "lane", "the same as others, for another fleet")
+    yield from unused(sum(edge.start == edge.end for edge in lanes), "lane", "from a vertex to itself")
     doors = [edge for level in levels.values() for edge in level.doors]
-    if hinged := sum("hinged" in str(edge.properties.get("type")) for edge in doors):
-        yield UnusedParts(count_of(hinged, "swing of a door", "swings of doors"), "a door is drawn as its doorway")
-    if zones := document.get("zones"):
-        yield UnusedParts(
-            count_of(len(zones), "zone"), "what it is for is not said in the plan; draw it in the site file"
-        )
+    hinged = sum("hinged" in str(edge.properties.get("type")) for edge in doors)
+    yield from unused(hinged, "swing of a door", "a door is drawn as its doorway", "swings of doors")
+    zones = len(document.get("zones") or ())
+    yield from unused(zones, "zone", "the plan does not say what it is for; draw it in the site file")
 
 
 def _counted(
@@ -87,7 +81,7 @@ def _counted(
     for key, count in sorted(found.items()):
         if key in known:
             noun, plural, reason = known[key]
-            yield UnusedParts(count_of(count, noun, plural), reason)
+            yield from unused(count, noun, reason, plural)
         elif key not in used:
             yield UnusedParts(f"{count:,} x {key}{of}", "the import does not know it")
 

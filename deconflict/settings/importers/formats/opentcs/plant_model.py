@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-from deconflict.settings.importers.formats.directed_ways import PlanGraph, unused
+from deconflict.settings.importers.formats.directed_ways import PlanGraph
 from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.formats.opentcs.plant_floors import PlantFloors
 from deconflict.settings.importers.formats.opentcs.plant_paths import PlantPaths
-from deconflict.settings.importers.plan import Block, ImportedPlan, Node, PlanError, UnusedParts, Use
+from deconflict.settings.importers.plan import Block, ImportedPlan, Node, PlanError, UnusedParts, Use, unused
 
 SINGLE = "SINGLE_VEHICLE_ONLY"
 """The type of a block that only one robot at a time may use."""

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from math import dist, inf
 from xml.etree.ElementTree import Element
 
-from deconflict.settings.importers.formats.directed_ways import Way, unused
-from deconflict.settings.importers.plan import Node, Spot, UnusedParts
+from deconflict.settings.importers.formats.directed_ways import Way
+from deconflict.settings.importers.plan import Node, Spot, UnusedParts, unused
 from ingest.languages.vda5050.trajectories import polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
 
