@@ -18,6 +18,8 @@ from tests.helpers.saying import identity, points, robot, status
 RSV1 = 0x40
 """Of a frame's first byte: its message is compressed (RFC 7692)."""
 
+BETWEEN_STATUSES_S = 0.05
+"""Of a robot only the newest status is read of those that wait."""
 
 MALLORY = {"manufacturerName": "Mallory"}
 
@@ -47,6 +49,7 @@ async def say_what_is_broken(url: str) -> None:
     async with mallory(url) as socket:
         for broken in BROKEN.values():
             await socket.send(broken(time.time()))
+            await asyncio.sleep(BETWEEN_STATUSES_S)
 
 
 async def make_up_uuids(url: str) -> None:
@@ -126,16 +129,12 @@ async def say_absurd_points(url: str) -> None:
         await socket.send(status("M-7", now_s, 500.0, 160.0, path=[far, late, fine], batteryPercentage=1e308))
 
 
-BETWEEN_FLOORS_S = 0.05
-"""Of a robot only the newest status is read of those that wait."""
-
-
 async def name_made_up_floors(url: str) -> None:
     async with mallory(url) as socket:
         for _ in range(2 * MOST_UNKNOWN):
             here = {"x": 1.0, "y": 1.0, "planarDatum": robot(f"floor {time.time()}")}
             await socket.send(status("M-9", time.time(), location=here))
-            await asyncio.sleep(BETWEEN_FLOORS_S)
+            await asyncio.sleep(BETWEEN_STATUSES_S)
 
 
 async def send_in_crumbs(url: str) -> None:
