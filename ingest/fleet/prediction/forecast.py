@@ -1,10 +1,11 @@
 """The forecast of one robot from its status, in the frame of its floor.
 
 The operational state decides what the forecast rests on. A navigating robot follows its path; without a usable path,
-its velocity; without that, it heads for its next destination. In the states idle, charging, waiting, disabled, offline
-and unknown a robot stands where it is. One exception is an idle robot whose path has times ahead and leads away: it
-says when it sets out. Manual mode is not subject to the standard (section 1), so its path and destinations are not
-used, only its measured velocity. The position of a robot with a lost error may be off by `lost_doubt_m`.
+its velocity. One that stands heads for its next destination if that has a time, or if it was not seen to stand; so does
+one without a speed. In the states idle, charging, waiting, disabled, offline and unknown a robot stands where it is.
+One exception is an idle robot whose path has times ahead and leads away: it says when it sets out. Manual mode is not
+subject to the standard (section 1), so its path and destinations are not used, only its measured velocity. The position
+of a robot with a lost error may be off by `lost_doubt_m`.
 
 Motion that is reported counts for more than what a robot says of itself. One that drives goes on, whatever its state
 and its errors; one that stands with a blocking error is an obstacle. Where its path ends before the horizon it goes on
@@ -128,13 +129,23 @@ class _Route(NamedTuple):
                 return status.path_basis, self._beyond(knots, route[1])
             return Basis.VELOCITY, self._by_velocity()
         has_speed = here.linear_mps is not None and not isnan(here.yaw_rad)
-        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not status.destinations.datums):
+        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not self._sets_off()):
             return Basis.VELOCITY, self._by_velocity()
         if (towards := self._by_destination()) and not (len(towards[0]) == 1 and here.turn_radps):
             return Basis.DESTINATION, towards
         if has_speed and here.turn_radps:
             return Basis.VELOCITY, self._by_velocity()
         return Basis.STATIONARY, _standing(here)
+
+    def _sets_off(self) -> bool:
+        """Whether a robot that stands is to head for a destination now.
+
+        Without a time ahead, a destination does not say when: whoever was seen to stand, stands. At it a robot turns.
+        """
+        if not (stops := self._destinations()):
+            return False
+        here, (_, x, y, _) = self.here, stops[0]
+        return not here.interval_s or stops[-1][0] > here.t_s or hypot(x - here.x_m, y - here.y_m) <= AWAY_M
 
     def _turns_at(self, knots: Sequence[Knot]) -> bool:
         """Whether the robot turns on the spot, while its path says only that it stands there."""

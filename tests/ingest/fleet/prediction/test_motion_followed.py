@@ -311,6 +311,19 @@ def test_a_destination_without_a_time_is_a_destination() -> None:
     assert counted(of, "deviations_total")["unknown", "point-time-unreadable"] == 1
 
 
+@pytest.mark.parametrize(("arrives_s", "ends_m"), [(None, 0.0), (-5.0, 0.0), (9.0, 4.0)])
+def test_a_robot_that_was_seen_to_stand_sets_off_for_a_destination_that_has_a_time(
+    arrives_s: float | None, ends_m: float
+) -> None:
+    of = fleet()
+    for s in range(3):
+        there = points((NOW_S + s + (arrives_s or 0.0), 4.0, 0.0, 0.0))
+        if arrives_s is None:
+            del there[0]["timestamp"]
+        of.receive(status("A", NOW_S + s, velocity={"linear": 0.0}, destinations=there), NOW_S + s, LINE)
+    assert at(of.robots[robot("A")].forecast, NOW_S + 12)[0] == pytest.approx(ends_m)
+
+
 @pytest.mark.parametrize("limits_mps", [(0.6, 1.0, 1.4, 1.8), (2.0, 0.8, 1.5, None)])
 def test_a_robot_of_one_pace_keeps_it_whatever_each_edge_allows(limits_mps: tuple[float | None, ...]) -> None:
     of, nodes = hall(), [node(number, 4.0 * number) for number in range(len(limits_mps) + 1)]
