@@ -5,7 +5,7 @@ import re
 import sqlite3
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, closing
+from contextlib import asynccontextmanager, closing, suppress
 from datetime import UTC, datetime
 from math import pi, sin
 from pathlib import Path
@@ -53,6 +53,16 @@ CROSSING: dict[str, Course] = {
 """Two that meet again and again in the middle."""
 
 
+async def holds_at_last(holds: Callable[[], Awaitable[bool]]) -> bool:
+    """Whether something holds before patience ends."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE_S):
+            while not await holds():
+                await asyncio.sleep(0.2)
+            return True
+    return False
+
+
 class Tried:
     """A cluster that runs, with an overloaded engine."""
 
@@ -77,13 +87,11 @@ class Tried:
 
     async def comes(self, path: str, wanted: Callable[[httpx.Response], bool]) -> bool:
         """Whether the answer is as wanted at last."""
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                while not wanted(await self.get(path)):
-                    await asyncio.sleep(0.2)
-        except TimeoutError:
-            return False
-        return True
+
+        async def is_wanted() -> bool:
+            return wanted(await self.get(path))
+
+        return await holds_at_last(is_wanted)
 
     async def counts(self, series: str) -> bool:
         """Whether the scrape has a series above 0."""
@@ -229,10 +237,14 @@ async def sees_advice_of_others_heeded(run: Tried) -> bool:
 
 async def shows_the_past(run: Tried) -> bool:
     """The robots of both ingests."""
-    if (at_s := (await run.get("/recorded")).json()["to_s"]) is None:
-        return False
-    floor = (await run.get(f"/past?at_s={at_s}")).json()["floor"]
-    return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L", "S")}
+
+    async def shows_all() -> bool:
+        if (at_s := (await run.get("/recorded")).json()["to_s"]) is None:
+            return False
+        floor = (await run.get(f"/past?at_s={at_s}")).json()["floor"]
+        return {row[0] for row in floor["robots"]} == {robot(name) for name in (*CROSSING, "L", "S")}
+
+    return await holds_at_last(shows_all)
 
 
 async def gives_robots(run: Tried) -> bool:
