@@ -16,7 +16,7 @@ from tests.helpers.patience import PATIENCE_S
 
 pytestmark = needs_server
 
-ENDS_WITHIN_S = 4.5
+ENDS_WITHIN_S = 4.9
 """A call that waits for a server waits for five seconds."""
 PARTS = {"ingest": ("feed", "receiver"), "engine": ("engine",), "face": ("follower", "operator")}
 CLIENTS = ("feed", "engine", "follower")
