@@ -30,13 +30,25 @@ def _driving() -> tuple[Robot, ...]:
     )
 
 
+MOST_LOOPS = 4.0
+"""How many loops a step may take."""
+
+
+def loop_s() -> float:
+    """Processor time of a loop of plain Python."""
+    begun_s = time.thread_time()
+    sum(number * number for number in range(200_000))
+    return time.thread_time() - begun_s
+
+
 @pytest.mark.parametrize("crowd", [_crowd, _jam], ids=["pairs", "jam"])
 def test_a_step_on_a_crowded_floor_of_a_thousand_robots_is_cheap(
     crowd: Callable[[], tuple[Robot, ...]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """12 ms on a free core of 2 GHz. Where others work on it too, a step takes several times as long."""
+    """A step takes twice as long as a loop of plain Python. A core that is slow, or shared, is so for both."""
     floor = Floor((*crowd(), *_driving()))
     advice, costs_s, searches = floor.adviser._advice, list[float](), list[int]()
+    loops_s = list[float]()
     step, search = advice.step, Tracks.refuge_m
 
     def timed(*args: Any) -> list[Request]:
@@ -44,6 +56,7 @@ def test_a_step_on_a_crowded_floor_of_a_thousand_robots_is_cheap(
         begun_s = time.thread_time()
         requests = step(*args)
         costs_s.append(time.thread_time() - begun_s)
+        loops_s.append(loop_s())
         return requests
 
     def counted(*args: Any) -> Any:
@@ -54,4 +67,4 @@ def test_a_step_on_a_crowded_floor_of_a_thousand_robots_is_cheap(
     monkeypatch.setattr(Tracks, "refuge_m", counted)
     floor.seconds(9, lambda _: ("declined", "cannot"))
     assert max(searches) <= 6
-    assert sum(sorted(costs_s)[2:-2]) / (len(costs_s) - 4) < 0.1, costs_s
+    assert sum(sorted(costs_s)[2:-2]) < MOST_LOOPS * sum(sorted(loops_s)[2:-2]), (costs_s, loops_s)
