@@ -118,7 +118,8 @@ async def test_hostile_senders_are_counted_and_honest_robots_are_still_warned(tm
         assert 'deconflict_messages_shed_total{vendor="Mallory"}' in text
         assert 'result="rejected",vendor="Alder"' not in text
         health = (await service.get("/healthz")).json()
-        assert {name: part for name, part in health.items() if is_not_ok(part)}.keys() <= {"positions"}
+        assert set(health["roles"].values()) == {"up"}
+        assert {name for name, part in health.items() if is_not_ok(part)} <= {"positions"}
         assert "Alder" not in health["positions"].get("reason", "")
 
 
