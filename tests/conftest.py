@@ -7,7 +7,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.helpers.order import dealt
+from tests.helpers.order import dealt, take_turns
 from tests.helpers.patience import PATIENCE_S
 
 hypothesis.settings.register_profile("untimed", deadline=None)
@@ -62,6 +62,13 @@ def ends_in_time() -> Iterator[None]:
 
 def is_slow(path: Path) -> bool:
     return path.is_relative_to(TESTS) and path.relative_to(TESTS).as_posix().startswith(SLOW)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Before its fixtures, as they start processes."""
+    if isinstance(item, pytest.Function):
+        take_turns(item)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

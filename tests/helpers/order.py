@@ -1,6 +1,9 @@
-"""The order of tests for several workers: the longest begin first, each on another worker."""
+"""How tests share a machine: for several workers the longest begin first, and what is timed goes before the rest."""
 
+import inspect
+import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import pytest
 
@@ -38,6 +41,19 @@ LONGEST = (*WAITING, *COMPUTING)
 """What begins so takes the longest. What waits in real time comes first, and before others what leaves the cores free:
 robots have to be heard in time. With "::" each test may run on another worker; without, the tests of a file stay
 together, as they share what they have made."""
+
+TIMED = (*WAITING, "deconflict/cluster", "deconflict/operator", "deconflict/roles", "deconflict/runtime", "ingest/port")
+"""What begins so hears robots or people by the clock. So does each test that is a coroutine."""
+NICENESS = 10
+"""Of all other tests. They take as long, and those by the clock find a processor on a slow machine, too."""
+
+
+def take_turns(item: pytest.Function) -> None:
+    """Set the priority of this process, and of those that it will start, for a test."""
+    is_timed = item.nodeid.removeprefix("tests/").startswith(TIMED) or inspect.iscoroutinefunction(item.obj)
+    with suppress(PermissionError):  # only root may raise it again
+        if os.geteuid() == 0:
+            os.setpriority(os.PRIO_PROCESS, 0, 0 if is_timed else NICENESS)
 
 
 def dealt(items: Sequence[pytest.Item], workers: int) -> list[pytest.Item]:

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -37,6 +38,12 @@ from tests.helpers.saying import HALL
 
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 needs_server = pytest.mark.skipif(SERVER is None, reason="needs nats-server, which Debian has as a package")
+
+
+def busy_s(process: int) -> float:
+    """How long its main thread has run or waited for a processor: https://docs.kernel.org/scheduler/sched-stats.html."""
+    run_ns, wait_ns, _ = Path(f"/proc/{process}/schedstat").read_text().split()
+    return 1e-9 * (int(run_ns) + int(wait_ns))
 
 
 class Broker:
@@ -150,6 +157,19 @@ class Machines:
         process = self._processes.pop((machine, role))
         process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0
+
+    def idle_s_of_stop(self, machine: str, role: str) -> float:
+        """Stop it as well. Returns how long its main thread then waited for something else than a processor."""
+        process = self._processes.pop((machine, role))
+        began_s, before_s = time.monotonic(), busy_s(process.pid)
+        assert process.stdin
+        process.stdin.close()
+        while not os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG):
+            assert time.monotonic() - began_s < PATIENCE_S, f"the {role} does not stop"
+            time.sleep(0.01)
+        idle_s = time.monotonic() - began_s - (busy_s(process.pid) - before_s)
+        assert process.wait() == 0
+        return idle_s
 
     def process_of(self, machine: str, role: str) -> int:
         return self._processes[machine, role].pid

@@ -476,12 +476,12 @@ async def test_critical_situations_are_announced_at_once_and_others_politely(bro
 async def test_a_card_says_for_what_people_wait_and_the_alarm_comes_when_they_are_asked(
     browser: "Browser", face: Served, waits_for: str
 ) -> None:
-    waiting = shown(1, 0, 1, severity=Severity.CRITICAL, advice=None, people_wait_for=waits_for)
     async with opened(browser, face) as page:
         await page.evaluate(NOTE_ALARMS)
         await page.click("#alerts summary")
         await page.check("#sound")
         await until(page, "tones === 3")
+        waiting = shown(1, 0, 1, severity=Severity.CRITICAL, advice=None, people_wait_for=waits_for)
         await face.publish(waiting)
         await page.wait_for_selector('[data-id="situation-1"]')
         card = await text(page, '[data-id="situation-1"]')
@@ -489,7 +489,8 @@ async def test_a_card_says_for_what_people_wait_and_the_alarm_comes_when_they_ar
         assert {"robots": "its robots are asked first", "other_advice": "something else"}[waits_for] in card
         assert "Nothing to do now" not in card
         assert await page.evaluate("tones") == 3
-        await face.publish(waiting.next_revision(advice=advice(0), people_wait_for=None))
+        now = moment(time.time())  # the page announces only what is new
+        await face.publish(waiting.next_revision(advice=advice(0), people_wait_for=None, updated_at=now))
         await until(page, "tones === 6")
         first = "document.querySelector('[data-id=situation-1] .first').textContent"
         await until(page, f"{first}.startsWith({advice(0).text!r})")

@@ -10,7 +10,6 @@ from metrics.monitoring.exposition import render
 
 async def test_following_the_advice_of_the_running_service_ends_each_drill_at_the_promised_cost(tmp_path: Path) -> None:
     outcomes = dict(zip(DRILLS, await played(DRILLS, tmp_path / "first", render), strict=True))
-    assert all(outcome.through for outcome in outcomes.values()), outcomes
     others = [drill for drill, outcome in outcomes.items() if not is_as_promised(drill, outcome)]
     assert len(others) <= 1, [outcomes[drill] for drill in others]
     if others:  # the clock is real: on a busy machine advice on a conflict may come before the deadlock, or late
@@ -21,7 +20,7 @@ async def test_following_the_advice_of_the_running_service_ends_each_drill_at_th
 
 def is_as_promised(drill: Drill, outcome: DrillOutcome) -> bool:
     """Whether people were advised, and following it ended the drill at the promised cost if its robots do."""
-    return bool(outcome.ended and outcome.advised) and outcome.kept is drill.heeds
+    return bool(outcome.through and outcome.ended and outcome.advised) and outcome.kept is drill.heeds
 
 
 async def test_following_only_situations_of_the_running_service_resolves_each_drill(tmp_path: Path) -> None:
