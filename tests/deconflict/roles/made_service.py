@@ -145,11 +145,15 @@ class Running:
 
     async def until(self, path: str, wanted: Callable[[Any], bool]) -> Any:
         """The answer at `path` once it is as wanted."""
+        return await self._once(path, lambda answer: answer.status_code == 200 and wanted(answer.json()))
+
+    async def health(self, wanted: Callable[[Any], bool]) -> Any:
+        """The health once it is as wanted."""
+        return await self._once("/healthz", lambda answer: wanted(answer.json()))
+
+    async def _once(self, path: str, wanted: Callable[[httpx.Response], bool]) -> Any:
         async with http_client() as client:
-            url = f"http://{self.face}{path}"
-            return (
-                await answered(client, url, lambda answer: answer.status_code == 200 and wanted(answer.json()))
-            ).json()
+            return (await answered(client, f"http://{self.face}{path}", wanted)).json()
 
     async def metrics_with(self, name: str) -> str:
         """The scrape once it has a series that begins so."""

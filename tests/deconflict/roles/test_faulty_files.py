@@ -9,7 +9,6 @@ import shutil
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractContextManager, asynccontextmanager, closing
-from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +32,8 @@ from deconflict.roles import operator_sources
 from deconflict.roles.health import file_health, refusal_health
 from deconflict.runtime.data_lock import DataDirectoryError, create_data_directory
 from deconflict.runtime.data_lock import locked as locked_directory
-from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, answered, drive, running
+from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, drive, running
 from tests.helpers.patience import PATIENCE_S
-from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
 Harm = Callable[[Path], AbstractContextManager[None]]
@@ -107,13 +105,9 @@ async def driving(service: Running, courses: dict[str, Course]) -> AsyncIterator
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def sick(service: Running, words: str) -> None:
-    async with http_client() as client:
-        await answered(
-            client,
-            f"http://{service.face}/healthz",
-            lambda answer: words in answer.text and answer.status_code == HTTPStatus.SERVICE_UNAVAILABLE,
-        )
+async def sick(service: Running, words: str) -> Any:
+    """The health once it says so."""
+    return await service.health(lambda health: words in str(health) and health["status"] == "degraded")
 
 
 def numbers(directory: Path, advisory_id: str = "") -> list[int]:
@@ -187,9 +181,8 @@ async def test_health_says_that_the_database_was_lost_and_a_new_epoch_begins(dat
     remove(data / "advisories.db")
     before = epoch(time.time())
     async with running(data) as service:
-        await sick(service, "was gone at the start")
-        health = (await service.get("/healthz")).json()
-        assert (health["status"], health["store"]["status"]) == ("degraded", "begun anew")
+        health = await sick(service, "was gone at the start")
+        assert health["store"]["status"] == "begun anew"
         assert "a new epoch" in health["store"]["reason"]
         assert health["store"]["seq"] >= before
         await service.metrics_with("deconflict_store_renewed 1")
