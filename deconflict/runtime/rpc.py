@@ -20,6 +20,8 @@ CALL_TIMEOUT_S = 10.0
 SEND_BUFFER_BYTES = 1 << 22
 """Size of the kernel's send buffer, as far as net.core.wmem_max allows. The rest of a reply waits for the next
 iterations of the event loop, which are slow in a role under load."""
+ACCEPTING_STEPS = 3
+"""So many steps of the event loop after a connection was accepted it is begun."""
 
 Handler = Callable[[bytes], Awaitable[bytes]]
 
@@ -35,13 +37,17 @@ class LinkDownError(ConnectionError):
 @asynccontextmanager
 async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterator[None]:
     """Answer calls at `path`, and replace the socket of an earlier process. Ends all connections at exit."""
-    connections: set[asyncio.Task[Any]] = set()
+    connections: dict[asyncio.Task[Any], asyncio.StreamWriter] = {}
+
+    def begin_connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.create_task(serve_connection(reader, writer))
+        connections[task] = writer
+        task.add_done_callback(end_connection)
+
+    def end_connection(task: asyncio.Task[Any]) -> None:
+        connections.pop(task).close()  # here, as a task that ends before it runs closes nothing
 
     async def serve_connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        if task:
-            connections.add(task)
-            task.add_done_callback(connections.discard)
         writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         try:
             while True:
@@ -53,18 +59,24 @@ async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterato
             pass  # the caller has disconnected, or this role ends
         except Exception:
             log.exception("a call failed; its caller will try again")
-        finally:
-            writer.close()
 
     path.unlink(missing_ok=True)
-    server = await asyncio.start_unix_server(serve_connection, path)
+    server = await asyncio.start_unix_server(begin_connection, path)
     try:
         yield
     finally:
+        for listener in server.sockets:
+            asyncio.get_running_loop().remove_reader(listener)
+        for _ in range(ACCEPTING_STEPS):  # a server that is closed before leaves them open
+            await asyncio.sleep(0)
         server.close()
+        writers = list(connections.values())
         for task in list(connections):
             task.cancel()
         await asyncio.gather(*connections, return_exceptions=True)
+        for writer in writers:
+            writer.transport.abort()  # a caller that reads no more delays no end
+        await asyncio.gather(*(writer.wait_closed() for writer in writers), return_exceptions=True)
 
 
 async def _read(reader: asyncio.StreamReader) -> bytes:

@@ -1,11 +1,14 @@
 import asyncio
+import socket
 import time
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
 import pytest
 
 from deconflict.runtime.rpc import SEND_BUFFER_BYTES, AsyncCaller, Caller, LinkDownError, listening, socket_path
+from tests.helpers.patience import PATIENCE_S
 
 MOST_BYTES = int(Path("/proc/sys/net/core/wmem_max").read_text())
 
@@ -45,6 +48,19 @@ async def test_an_unknown_call_ends_the_connection_and_not_the_role(tmp_path: Pa
         with pytest.raises(LinkDownError):
             await AsyncCaller(tmp_path, "role").call("whisper")
         assert await AsyncCaller(tmp_path, "role").call("shout", b"still") == b"STILL"
+
+
+@pytest.mark.parametrize("steps", range(6))
+async def test_a_connection_ends_with_the_role_however_far_it_has_come(tmp_path: Path, steps: int) -> None:
+    path = socket_path(tmp_path, "role")
+    with socket.socket(socket.AF_UNIX) as caller:
+        async with listening(path, {"shout": _shout}):
+            caller.connect(str(path))
+            for _ in range(steps):
+                await asyncio.sleep(0)
+        caller.settimeout(PATIENCE_S)
+        with suppress(ConnectionResetError):
+            assert caller.recv(1) == b""
 
 
 @pytest.mark.skipif(MOST_BYTES < SEND_BUFFER_BYTES, reason="the kernel keeps no more for a socket: net.core.wmem_max")
