@@ -260,6 +260,9 @@ def update_records(
             robot.west_m, robot.south_m, robot.east_m, robot.north_m = paths.boxes_m[row]
             copy_rows(paths.lines_m[row], kept_paths[slots[row]])
         stale[row] |= _update_waiting(robot, was_moving, has_moved, resting[row])
+        if robot.waits:
+            robot.west_m, robot.east_m = min(robot.west_m, x), max(robot.east_m, x)
+            robot.south_m, robot.north_m = min(robot.south_m, y), max(robot.north_m, y)
         _update_standing(robot, event_s[row])
         _update_rest(robot, before_s, event_s[row], reported[row])
         stale[row] |= _update_near(robot, paths.boxes_m[row], resources, zones, spare_m)
@@ -323,6 +326,17 @@ def resting(records: Records) -> Bools:
     """(n,) which robots rest where they are reported, wherever their paths lead."""
     rests: Bools = records["event_s"] - records["rests_s"] >= RESTS_S
     return rests
+
+
+def path_from(here: tuple[float, float], steps_m: Floats, length_m: float) -> shapely.LineString:
+    """The path of a robot that has stopped `here`: also from short of where its path begins, as it was believed there.
+
+    `steps_m` (STEPS + 1, 2) lead on from where it was believed to be.
+    """
+    begin_m, way_m = steps_m[0] - here, steps_m[-1] - steps_m[0]
+    along, across = begin_m @ way_m, begin_m[0] * way_m[1] - begin_m[1] * way_m[0]
+    is_short = along > 0.0 and abs(across) <= length_m * hypot(*way_m)
+    return shapely.linestrings(np.vstack((here, steps_m)) if is_short else steps_m)
 
 
 def rest_of(path: shapely.LineString, here: shapely.Point, length_m: float) -> shapely.LineString | None:

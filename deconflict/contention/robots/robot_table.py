@@ -30,6 +30,7 @@ from deconflict.contention.robots.record_kernels import (
     STOP,
     STRAIGHT,
     Outlines,
+    path_from,
     rest_of,
     update_records,
 )
@@ -212,11 +213,11 @@ class RobotTable(Mapping[str, RobotView]):
         for row in np.flatnonzero(stale & (halts | moves | ends)).tolist():
             slot = int(slots[row])
             path = self._paths_left.pop(slot, None)
+            here, length_m = (view.x_m[row, 0], view.y_m[row, 0]), batch.forecasts.length_m[row]
             if stale[row] & halts:
-                path = shapely.linestrings(self.steps_m[slot])
+                path = path_from(here, self.steps_m[slot], length_m)
             if path is not None and not stale[row] & ends:
-                here = shapely.Point(view.x_m[row, 0], view.y_m[row, 0])
-                path = rest_of(path, here, batch.forecasts.length_m[row])
+                path = rest_of(path, shapely.Point(here), length_m)
             if path is not None and not stale[row] & ends:
                 self._paths_left[slot] = path
             self.records["waits"][slot] = slot in self._paths_left

@@ -1,10 +1,11 @@
 """The forecast of one robot from its status, in the frame of its floor.
 
 The operational state decides what the forecast rests on. A navigating robot follows its path; without a usable path,
-its velocity; without that, it heads for its next destination. In the states idle, charging, waiting, disabled, offline
-and unknown a robot stands where it is. One exception is an idle robot whose path has times ahead and leads away: it
-says when it sets out. Manual mode is not subject to the standard (section 1), so its path and destinations are not
-used, only its measured velocity. The position of a robot with a lost error may be off by `lost_doubt_m`.
+its velocity. One that does not drive heads for its next destination if it may be about to, see `_sets_off`; so does one
+without a speed. In the states idle, charging, waiting, disabled, offline and unknown a robot stands where it is.
+One exception is an idle robot whose path has times ahead and leads away: it says when it sets out. Manual mode is not
+subject to the standard (section 1), so its path and destinations are not used, only its measured velocity. The position
+of a robot with a lost error may be off by `lost_doubt_m`.
 
 Motion that is reported counts for more than what a robot says of itself. One that drives goes on, whatever its state
 and its errors; one that stands with a blocking error is an obstacle. Where its path ends before the horizon it goes on
@@ -48,6 +49,8 @@ from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages.model import Status
 
 NO_LETTERS = re.compile(r"[\W_]+")
+SETS_OFF_S = 3.0
+"""A robot that has a destination and stands sets off again, or begins to drive, within this time, or it is held up."""
 
 
 def forecast(status: Status, here: Sighting, context: ForecastContext, paces: Paces) -> Forecast:
@@ -128,13 +131,27 @@ class _Route(NamedTuple):
                 return status.path_basis, self._beyond(knots, route[1])
             return Basis.VELOCITY, self._by_velocity()
         has_speed = here.linear_mps is not None and not isnan(here.yaw_rad)
-        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not status.destinations.datums):
+        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not self._sets_off()):
             return Basis.VELOCITY, self._by_velocity()
         if (towards := self._by_destination()) and not (len(towards[0]) == 1 and here.turn_radps):
             return Basis.DESTINATION, towards
         if has_speed and here.turn_radps:
             return Basis.VELOCITY, self._by_velocity()
         return Basis.STATIONARY, _standing(here)
+
+    def _sets_off(self) -> bool:
+        """Whether a robot that does not drive is to head for a destination.
+
+        One that is held up stands while it stands, unless its times let it stand: a destination without a time does not
+        say when. One that turns is on its way, and at a destination it turns as that says.
+        """
+        if not (stops := self._destinations()):
+            return False
+        here, (t_s, x, y, _) = self.here, stops[0]
+        is_held_up = here.stood_s > SETS_OFF_S and abs(here.turn_radps) <= TURNS_RADPS
+        if not is_held_up or hypot(x - here.x_m, y - here.y_m) <= AWAY_M:
+            return True
+        return t_s > here.t_s and not is_passed(knot_at(here), stops[0], self._mps)
 
     def _turns_at(self, knots: Sequence[Knot]) -> bool:
         """Whether the robot turns on the spot, while its path says only that it stands there."""
@@ -218,12 +235,17 @@ class _Route(NamedTuple):
             ordered.pop(0)
         return ordered
 
+    @property
+    def _mps(self) -> float:
+        """Its pace where nothing is said of the way."""
+        return self.paces.of(allowance(self.context.body.max_speed_mps or inf))
+
     def _by_destination(self) -> Route | None:
         """Straight to the next destination on this floor, at the time it states or at the robot's pace."""
         if not (stops := self._destinations()):
             return None
         here, destination = self.here, stops[0]
-        mps = self.paces.of(allowance(self.context.body.max_speed_mps or inf))
+        mps = self._mps
         knots = driven_to(knot_at(here), destination, mps, self.paces.turn_radps)
         if len(knots) < 2:
             return _standing(here)

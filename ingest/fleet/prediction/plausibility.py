@@ -72,7 +72,9 @@ def in_motion(before: Sighting, now: Sighting) -> Sighting:
     moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
     is_driving = _is_fast(now) and (_is_fast(before) or moved_m > DRIVES_MPS * gap_s)
     moves_anyway = is_driving and moved_m > MOVED_M and now.state == before.state
-    return replace(now, is_driving=is_driving, moves_anyway=moves_anyway, interval_s=gap_s)
+    goes_on = is_driving or now.state != before.state
+    stood_s = 0.0 if goes_on else before.stood_s + gap_s
+    return replace(now, is_driving=is_driving, moves_anyway=moves_anyway, interval_s=gap_s, stood_s=stood_s)
 
 
 def _is_fast(sighting: Sighting) -> bool:

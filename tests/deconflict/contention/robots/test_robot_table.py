@@ -132,3 +132,20 @@ def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
         west, south, east, north = way.bounds
         assert (box_m[:2] < [west - by_m, south - by_m]).all()
         assert (box_m[2:] > [east + by_m, north + by_m]).all()
+
+
+@pytest.mark.parametrize("mps", [0.5, 1.5, 4.0])
+def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from_there(mps: float) -> None:
+    means, stops_m = [(0.0, 0.0, 0.0), (100.0, 100 * mps, 0.0)], 4 * mps
+    knots = [(0.0, 0.0, 0.0), (4.0, stops_m, 0.0), (100.0, stops_m, 0.0)]
+    halts = Script(knots, means=means, state=lambda t: "navigating" if t < 5 else "waitingExternalEvent")
+    scene, robots = Scene(site(), {"A": halts}), RobotTable(PlaceGeometry([], []))
+    for t in range(7):
+        scene.fleet.receive(halts.says("A", float(t)), NOW_S + t, LINE)
+        robots.update(scene.fleet.next_batch(NOW_S + t + 0.9))
+    (waiting,) = np.flatnonzero(robots.records["waits"]).tolist()
+    (way,) = robots.paths([waiting])
+    assert way.coords[0] == pytest.approx((stops_m, 0.0))
+    assert way.coords[-1] == pytest.approx((14 * mps, 0.0))
+    boxes_m = collect_boxes(robots.records, robots.stops, 0.0)[2]
+    assert boxes_m[0, 0] < stops_m, "the box of its way holds where it stands"

@@ -311,6 +311,35 @@ def test_a_destination_without_a_time_is_a_destination() -> None:
     assert counted(of, "deviations_total")["unknown", "point-time-unreadable"] == 1
 
 
+STOPS, HELD_UP = (1.0, 1.0, 0.0, 0.0), (1.0, 1.0, *(0.0,) * 5)
+"""Speeds, one for each second."""
+
+
+@pytest.mark.parametrize(
+    ("speeds_mps", "arrives_s", "ends_m"),
+    [
+        (STOPS, None, 6.0),
+        (HELD_UP, None, 2.0),
+        (HELD_UP, -5.0, 2.0),
+        (HELD_UP, 4.0, 2.0),
+        (HELD_UP, 9.0, 6.0),
+        ((0.0,) * 3, None, 6.0),
+        ((0.0,) * 6, None, 0.0),
+    ],
+)
+def test_a_robot_that_is_held_up_heads_for_its_destination_only_if_its_times_let_it_stand(
+    speeds_mps: tuple[float, ...], arrives_s: float | None, ends_m: float
+) -> None:
+    of, x_m = fleet(), 0.0
+    for s, mps in enumerate(speeds_mps):
+        x_m += mps
+        there = points((NOW_S + s + (arrives_s or 0.0), 6.0, 0.0, 0.0))
+        if arrives_s is None:
+            del there[0]["timestamp"]
+        of.receive(status("A", NOW_S + s, x_m, velocity={"linear": mps}, destinations=there), NOW_S + s, LINE)
+    assert at(of.robots[robot("A")].forecast, NOW_S + len(speeds_mps) + 10)[0] == pytest.approx(ends_m)
+
+
 @pytest.mark.parametrize("limits_mps", [(0.6, 1.0, 1.4, 1.8), (2.0, 0.8, 1.5, None)])
 def test_a_robot_of_one_pace_keeps_it_whatever_each_edge_allows(limits_mps: tuple[float | None, ...]) -> None:
     of, nodes = hall(), [node(number, 4.0 * number) for number in range(len(limits_mps) + 1)]
