@@ -316,16 +316,22 @@ def test_a_robot_that_rests_in_a_dock_is_no_blockage() -> None:
     assert raised(scene.run(20), "blockage") == []
 
 
-def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds() -> None:
+@pytest.mark.parametrize("half_m", [0.7, 2.0])
+def test_two_that_stand_nose_to_nose_have_an_advisory_within_seconds(half_m: float) -> None:
     forth, back = [(0.0, -8.0, 0.0), (60.0, 52.0, 0.0)], [(0.0, 8.0, 0.0), (60.0, -52.0, 0.0)]
+    stops_s = 8 - half_m
+
+    def state(t: float) -> str:
+        return "navigating" if t < stops_s + 1.7 else waits()
+
     robots = {
-        "A": Script([(0, -8, 0), (7.3, -0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=forth),
-        "B": Script([(0, 8, 0), (7.3, 0.7, 0)], state=lambda t: "navigating" if t < 9 else waits(), means=back),
+        "A": Script([(0, -8, 0), (stops_s, -half_m, 0)], state=state, means=forth),
+        "B": Script([(0, 8, 0), (stops_s, half_m, 0)], state=state, means=back),
     }
     advisories = Scene(site(), robots).run(20)
     (advisory,) = raised(advisories, "deadlock")
     assert isinstance(advisory, DeadlockAdvisory)
-    assert 8 <= after_s(advisory) <= 13
+    assert stops_s + 0.7 <= after_s(advisory) <= stops_s + 5.7
     assert advisory.time_to_conflict_s == 0
     assert advisory.severity == "critical"
     assert raised(advisories, "blockage") == []
