@@ -11,7 +11,6 @@ import struct
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 log = logging.getLogger(__name__)
 
@@ -37,28 +36,15 @@ class LinkDownError(ConnectionError):
 @asynccontextmanager
 async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterator[None]:
     """Answer calls at `path`, and replace the socket of an earlier process. Ends all connections at exit."""
-    connections: dict[asyncio.Task[Any], asyncio.StreamWriter] = {}
+    connections: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
 
     def begin_connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.create_task(serve_connection(reader, writer))
+        task = asyncio.create_task(_serve_connection(reader, writer, handlers))
         connections[task] = writer
         task.add_done_callback(end_connection)
 
-    def end_connection(task: asyncio.Task[Any]) -> None:
+    def end_connection(task: asyncio.Task[None]) -> None:
         connections.pop(task).close()  # here, as a task that ends before it runs closes nothing
-
-    async def serve_connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        try:
-            while True:
-                name, _, payload = (await _read(reader)).partition(b"\n")
-                reply = await handlers[name.decode()](payload)
-                writer.write(HEADER.pack(len(reply)) + reply)
-                await writer.drain()
-        except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
-            pass  # the caller has disconnected, or this role ends
-        except Exception:
-            log.exception("a call failed; its caller will try again")
 
     path.unlink(missing_ok=True)
     server = await asyncio.start_unix_server(begin_connection, path)
@@ -70,13 +56,33 @@ async def listening(path: Path, handlers: Mapping[str, Handler]) -> AsyncIterato
         for _ in range(ACCEPTING_STEPS):  # a server that is closed before leaves them open
             await asyncio.sleep(0)
         server.close()
-        writers = list(connections.values())
-        for task in list(connections):
-            task.cancel()
-        await asyncio.gather(*connections, return_exceptions=True)
-        for writer in writers:
-            writer.transport.abort()  # a caller that reads no more delays no end
-        await asyncio.gather(*(writer.wait_closed() for writer in writers), return_exceptions=True)
+        await _end_connections(connections)
+
+
+async def _serve_connection(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, handlers: Mapping[str, Handler]
+) -> None:
+    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    try:
+        while True:
+            name, _, payload = (await _read(reader)).partition(b"\n")
+            reply = await handlers[name.decode()](payload)
+            writer.write(HEADER.pack(len(reply)) + reply)
+            await writer.drain()
+    except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
+        pass  # the caller has disconnected, or this role ends
+    except Exception:
+        log.exception("a call failed; its caller will try again")
+
+
+async def _end_connections(connections: Mapping[asyncio.Task[None], asyncio.StreamWriter]) -> None:
+    writers = list(connections.values())
+    for task in connections:
+        task.cancel()
+    await asyncio.gather(*connections, return_exceptions=True)
+    for writer in writers:
+        writer.transport.abort()  # a caller that reads no more delays no end
+    await asyncio.gather(*(writer.wait_closed() for writer in writers), return_exceptions=True)
 
 
 async def _read(reader: asyncio.StreamReader) -> bytes:
