@@ -7,7 +7,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.helpers.order import dealt, take_turns
+from tests.helpers.order import dealt, set_priority
 from tests.helpers.patience import PATIENCE_S
 
 hypothesis.settings.register_profile("untimed", deadline=None)
@@ -68,7 +68,7 @@ def is_slow(path: Path) -> bool:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Before its fixtures, as they start processes."""
     if isinstance(item, pytest.Function):
-        take_turns(item)
+        set_priority(item)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -65,13 +65,13 @@ def wanted_ways(robots: RobotTable, slots: Ints, reach_m: float = REACH_M, withi
 
 def _steps_m(robots: RobotTable, slots: Ints) -> Floats:
     """(n, STEPS + 1, 2) the newest paths of robots, each `STEP_S` from the next. A robot that says that it waits on its
-    path has what is left of it. All others stay."""
+    path, or is held up before its destination, has what is left of it. All others stay."""
     x_m, y_m, goes, waits = (robots.records[name][slots] for name in ("x_m", "y_m", "goes", "waits"))
     here_m = np.stack([x_m, y_m], axis=1)[:, None]
     steps_m: Floats = np.where(goes[:, None, None], robots.steps_m[slots], here_m)
     for row in np.flatnonzero(waits & ~goes).tolist():
         slot = int(slots[row])
-        if robots[robots.uuids[slot]].state == WAITING:
+        if robots.records["held_up"][slot] or robots[robots.uuids[slot]].state == WAITING:
             (path,) = robots.paths([slot])
             steps_m[row] = steps_along(path)
     return steps_m

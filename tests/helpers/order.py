@@ -3,7 +3,7 @@
 import inspect
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from functools import cache
 
 import pytest
 
@@ -45,15 +45,25 @@ together, as they share what they have made."""
 TIMED = (*WAITING, "deconflict/cluster", "deconflict/operator", "deconflict/roles", "deconflict/runtime", "ingest/port")
 """What begins so hears robots or people by the clock. So does each test that is a coroutine."""
 NICENESS = 10
-"""Of all other tests. They take as long, and those by the clock find a processor on a slow machine, too."""
+"""Of all other tests, so that those by the clock find a processor on a slow machine, too."""
 
 
-def take_turns(item: pytest.Function) -> None:
+@cache
+def may_be_raised() -> bool:
+    """Whether this process may take back a lower priority."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, 1)
+        os.setpriority(os.PRIO_PROCESS, 0, 0)
+    except PermissionError:
+        return False
+    return True
+
+
+def set_priority(item: pytest.Function) -> None:
     """Set the priority of this process, and of those that it will start, for a test."""
     is_timed = item.nodeid.removeprefix("tests/").startswith(TIMED) or inspect.iscoroutinefunction(item.obj)
-    with suppress(PermissionError):  # only root may raise it again
-        if os.geteuid() == 0:
-            os.setpriority(os.PRIO_PROCESS, 0, 0 if is_timed else NICENESS)
+    if may_be_raised():
+        os.setpriority(os.PRIO_PROCESS, 0, 0 if is_timed else NICENESS)
 
 
 def dealt(items: Sequence[pytest.Item], workers: int) -> list[pytest.Item]:

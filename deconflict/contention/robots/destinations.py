@@ -16,6 +16,8 @@ from ingest.kernels import inner, kernel, ready
 
 FASTEST_MPS = 2.0
 """No robot is expected anywhere sooner than at this speed in a straight line."""
+FIRST_WAY_M = 10.0
+"""So much of the way to its first stop is taken of a robot that is met standing."""
 
 _STOPS = numba.types.Array(numba.from_dtype(STOP), 2, "C")
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
@@ -165,6 +167,23 @@ def _postpone(
             stop, before = stops[slots[row], k], stops[slots[row], k - 1]
             stop.expected_s = max(stop.t_s, before.expected_s + stop.announced_s - before.announced_s)
             stop.spread_s = max(stop.spread_s, before.spread_s)
+
+
+def begin_ways(records: Records, steps_m: Floats, stops: Stops, slots: Ints, here_m: Floats) -> None:
+    """Write the ways of n new robots: straight to their first stops, as if they had been seen to go there.
+
+    A process that has just started meets robots that stand on their ways. `here_m` (n, 2) is where they are.
+    """
+    for slot, here in zip(slots.tolist(), here_m, strict=True):
+        stop = stops[slot, 0]
+        way_m = np.array([stop["x_m"], stop["y_m"]]) - here
+        share = min(FIRST_WAY_M / max(float(np.hypot(*way_m)), FIRST_WAY_M), 1.0)
+        steps_m[slot] = here + np.linspace(0.0, share, steps_m.shape[1])[:, None] * way_m
+        ends_m = np.array([here, steps_m[slot, -1]])
+        record = records[slot]
+        record["west_m"], record["south_m"] = ends_m.min(axis=0)
+        record["east_m"], record["north_m"] = ends_m.max(axis=0)
+        record["goes"], record["floor"] = True, stop["floor"]
 
 
 def is_at(robot: np.void, stop: np.void) -> bool:

@@ -70,6 +70,7 @@ ROBOT = np.dtype(
         ("beside", np.bool_),  # it was in the box of a resource
         ("passes", np.bool_),  # it had a zone near its path
         ("bound", np.bool_),  # it has a stop in the box of a resource
+        ("held_up", np.bool_),  # it stands by its velocity, and has a stop ahead
     ],
     align=True,
 )
@@ -250,7 +251,7 @@ def update_records(
         robot = robots[slots[row]]
         floor, x, y = view.floor[row, 0], view.x_m[row, 0], view.y_m[row, 0]
         on = floor_numbers[floor] if floor >= 0 else -1
-        was_moving, before_s = robot.goes, robot.event_s
+        was_moving, before_s = robot.goes and on == robot.floor, robot.event_s
         has_moved = on != robot.floor or x != robot.x_m or y != robot.y_m
         goes = basis[row] != _STATIONARY and paths.way_m[row] > WAY_M
         robot.event_s, robot.floor, robot.x_m, robot.y_m, robot.yaw_rad = event_s[row], on, x, y, view.yaw_rad[row, 0]
@@ -273,6 +274,7 @@ def update_records(
             if _touches(on, end_x, end_y, end_x, end_y, resources):
                 stale[row] |= PATH_END
         robot.known, robot.bound, robot.stops, robot.row = True, bound[row], stops[row], row
+        robot.held_up = not goes and basis[row] == _VELOCITY and stops[row] > 0
     return stale
 
 
@@ -333,9 +335,10 @@ def path_from(here: tuple[float, float], steps_m: Floats, length_m: float) -> sh
 
     `steps_m` (STEPS + 1, 2) lead on from where it was believed to be.
     """
-    begin_m, way_m = steps_m[0] - here, steps_m[-1] - steps_m[0]
-    along, across = begin_m @ way_m, begin_m[0] * way_m[1] - begin_m[1] * way_m[0]
-    is_short = along > 0.0 and abs(across) <= length_m * hypot(*way_m)
+    gone_m = steps_m - steps_m[0]
+    first_m, begin_m = gone_m[np.argmax(np.hypot(*gone_m.T) > STANDS_M)], steps_m[0] - here
+    along, across = begin_m @ first_m, begin_m[0] * first_m[1] - begin_m[1] * first_m[0]
+    is_short = along > 0.0 and abs(across) <= length_m * hypot(*first_m)
     return shapely.linestrings(np.vstack((here, steps_m)) if is_short else steps_m)
 
 

@@ -12,7 +12,7 @@ from deconflict.contention.robots.arrival_forecast import ArrivalCorrections, Ar
 from deconflict.contention.robots.battery_use import BatteryUse
 from deconflict.contention.robots.bodies_ahead import bodies_ahead, reported_poses
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M
-from deconflict.contention.robots.destinations import PlannedStop, is_at, postpone_overdue, write_stops
+from deconflict.contention.robots.destinations import PlannedStop, begin_ways, is_at, postpone_overdue, write_stops
 from deconflict.contention.robots.lookahead import (
     STEP_S,
     STEPS,
@@ -30,7 +30,6 @@ from deconflict.contention.robots.record_kernels import (
     STOP,
     STRAIGHT,
     Outlines,
-    path_from,
     rest_of,
     update_records,
 )
@@ -117,6 +116,8 @@ class RobotTable(Mapping[str, RobotView]):
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
+        is_new = ~self.records["known"][slots] & (batch.basis == Basis.VELOCITY) & (counts > 0)
+        begin_ways(self.records, self.steps_m, self.stops, slots[is_new], paths.lines_m[is_new, 0])
         stale = update_records(
             self.records,
             self.steps_m,
@@ -215,11 +216,10 @@ class RobotTable(Mapping[str, RobotView]):
             path = self._paths_left.pop(slot, None)
             here, length_m = (view.x_m[row, 0], view.y_m[row, 0]), batch.forecasts.length_m[row]
             if stale[row] & halts:
-                path = path_from(here, self.steps_m[slot], length_m)
-            if path is not None and not stale[row] & ends:
-                path = rest_of(path, shapely.Point(here), length_m)
-            if path is not None and not stale[row] & ends:
-                self._paths_left[slot] = path
+                path = record_kernels.path_from(here, self.steps_m[slot], length_m)
+            left = None if path is None or stale[row] & ends else rest_of(path, shapely.Point(here), length_m)
+            if left is not None:
+                self._paths_left[slot] = left
             self.records["waits"][slot] = slot in self._paths_left
 
     def _locate_stops(self, slots: Ints) -> None:
@@ -228,8 +228,8 @@ class RobotTable(Mapping[str, RobotView]):
             return
         which, number = np.nonzero(np.arange(self.stops.shape[1]) < self.records["stops"][slots][:, None])
         stops = self.stops[slots[which], number]
-        datums = list(map(self.datum, stops["floor"].tolist()))
-        found = self._geometry.resources_at(datums, stops["x_m"].copy(), stops["y_m"].copy())
+        datums, at_m = list(map(self.datum, stops["floor"].tolist())), (stops["x_m"].copy(), stops["y_m"].copy())
+        found = self._geometry.resources_at(datums, *at_m)
         numbers = [-1 if place is None else self._place_number[place] for place in found]
         self.stops["resource"][slots[which], number] = numbers
         for slot in slots.tolist():

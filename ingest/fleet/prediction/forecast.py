@@ -43,6 +43,7 @@ from ingest.fleet.prediction.way_on import (
     end_of,
     is_behind,
     is_passed,
+    lets_stand,
     way_on,
 )
 from ingest.frames.assumed_motion import DRIVES_MPS
@@ -131,9 +132,11 @@ class _Route(NamedTuple):
                 return status.path_basis, self._beyond(knots, route[1])
             return Basis.VELOCITY, self._by_velocity()
         has_speed = here.linear_mps is not None and not isnan(here.yaw_rad)
-        if has_speed and (abs(here.linear_mps or 0.0) > MOVING_MPS or not self._sets_off()):
+        is_moving = abs(here.linear_mps or 0.0) > MOVING_MPS
+        stays = here.linear_mps is not None and not is_moving and not self._sets_off()
+        if has_speed and (is_moving or stays):
             return Basis.VELOCITY, self._by_velocity()
-        if (towards := self._by_destination()) and not (len(towards[0]) == 1 and here.turn_radps):
+        if not stays and (towards := self._by_destination()) and not (len(towards[0]) == 1 and here.turn_radps):
             return Basis.DESTINATION, towards
         if has_speed and here.turn_radps:
             return Basis.VELOCITY, self._by_velocity()
@@ -147,11 +150,11 @@ class _Route(NamedTuple):
         """
         if not (stops := self._destinations()):
             return False
-        here, (t_s, x, y, _) = self.here, stops[0]
-        is_held_up = here.stood_s > SETS_OFF_S and abs(here.turn_radps) <= TURNS_RADPS
+        here, (_, x, y, _) = self.here, stops[0]
+        is_held_up = here.standing_s > SETS_OFF_S and abs(here.turn_radps) <= TURNS_RADPS
         if not is_held_up or hypot(x - here.x_m, y - here.y_m) <= AWAY_M:
             return True
-        return t_s > here.t_s and not is_passed(knot_at(here), stops[0], self._mps)
+        return lets_stand(knot_at(here), stops[0], self._usual_mps)
 
     def _turns_at(self, knots: Sequence[Knot]) -> bool:
         """Whether the robot turns on the spot, while its path says only that it stands there."""
@@ -236,7 +239,7 @@ class _Route(NamedTuple):
         return ordered
 
     @property
-    def _mps(self) -> float:
+    def _usual_mps(self) -> float:
         """Its pace where nothing is said of the way."""
         return self.paces.of(allowance(self.context.body.max_speed_mps or inf))
 
@@ -245,7 +248,7 @@ class _Route(NamedTuple):
         if not (stops := self._destinations()):
             return None
         here, destination = self.here, stops[0]
-        mps = self._mps
+        mps = self._usual_mps
         knots = driven_to(knot_at(here), destination, mps, self.paces.turn_radps)
         if len(knots) < 2:
             return _standing(here)

@@ -82,8 +82,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Whether its speed was observed, since it was stated to stand and moved."""
     state: str = ""
     """The operational state that it stated."""
-    stood_s: float = 0.0
-    """For how long it has not driven, and not changed its state, as far as was seen."""
+    standing_s: float = 0.0
+    """For how long it has neither driven nor moved, in one state, as far as was seen."""
     moves_anyway: bool = False
     """Whether it drives and has moved since the sighting before, which has the same state."""
 

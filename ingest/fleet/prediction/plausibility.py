@@ -57,7 +57,9 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
         now, findings = replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
     gap_s = now.t_s - before.t_s if before and before.floor == now.floor else 0.0
     if before is None or not 0.0 < gap_s <= OBSERVABLE_S:
-        return now if now.interval_s else replace(now, is_driving=_is_fast(now)), findings
+        is_repeated = before is not None and before.t_s == now.t_s and before.state == now.state
+        standing_s = before.standing_s if before and is_repeated else 0.0
+        return now if now.interval_s else replace(now, is_driving=_is_fast(now), standing_s=standing_s), findings
     if gap_s <= COMPARABLE_S:
         now, found = _compared(before, now, gap_s)
         findings += found
@@ -72,9 +74,9 @@ def in_motion(before: Sighting, now: Sighting) -> Sighting:
     moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
     is_driving = _is_fast(now) and (_is_fast(before) or moved_m > DRIVES_MPS * gap_s)
     moves_anyway = is_driving and moved_m > MOVED_M and now.state == before.state
-    goes_on = is_driving or now.state != before.state
-    stood_s = 0.0 if goes_on else before.stood_s + gap_s
-    return replace(now, is_driving=is_driving, moves_anyway=moves_anyway, interval_s=gap_s, stood_s=stood_s)
+    has_moved = is_driving or moved_m > max(MOVED_M, DRIVES_MPS * gap_s)
+    standing_s = 0.0 if has_moved or now.state != before.state else before.standing_s + gap_s
+    return replace(now, is_driving=is_driving, moves_anyway=moves_anyway, interval_s=gap_s, standing_s=standing_s)
 
 
 def _is_fast(sighting: Sighting) -> bool:

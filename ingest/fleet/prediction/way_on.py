@@ -106,6 +106,12 @@ def is_passed(stop: Knot, following: Knot, mps: float) -> bool:
     return after_s > 0.0 and least * mps <= length_m / after_s <= most * mps
 
 
+def lets_stand(stop: Knot, following: Knot, mps: float) -> bool:
+    """Whether the times of two destinations leave time to stand at the first."""
+    length_m = hypot(following[1] - stop[1], following[2] - stop[2])
+    return length_m < PASSING[0] * mps * (following[0] - stop[0])
+
+
 def is_behind(stop: Knot, following: Knot, here: Sighting) -> bool:
     """Whether a robot is late for a destination because it has passed it on its way to the next."""
     dx, dy = following[1] - stop[1], following[2] - stop[2]

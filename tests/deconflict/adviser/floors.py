@@ -26,6 +26,8 @@ class Robot:
     datum: str = LOWER
     z_m: float = 0.0
     means_to_go: bool = True
+    by_destination: bool = False
+    """It says only where it goes, and not when."""
 
     @property
     def uuid(self) -> str:
@@ -37,7 +39,8 @@ class Robot:
         return {"uuid": self.uuid, "timestamp": stamp(START_S), "baseRobotEnvelope": envelope, **names}
 
     def status(self, now_s: float) -> dict[str, Any]:
-        ahead = range(1, 9) if self.means_to_go else ()
+        ahead = range(1, 9) if self.means_to_go and not self.by_destination else ()
+        bound_m = [8] if self.means_to_go and self.by_destination else []
         return {
             "uuid": self.uuid,
             "timestamp": stamp(now_s),
@@ -45,6 +48,7 @@ class Robot:
             "location": {**self._place(0.0), "planarDatum": self.datum},
             "velocity": {"linear": 0.0},
             "path": [{"timestamp": stamp(now_s + k), "planarDatum": self.datum, **self._place(k)} for k in ahead],
+            "destinations": [{"planarDatum": self.datum, **self._place(at_m)} for at_m in bound_m],
         }
 
     def _place(self, ahead_m: float) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """What the adviser does about robots that obey, refuse or lie."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from math import cos, pi, sin
 
 import pytest
@@ -151,3 +153,16 @@ def test_a_robot_that_says_done_after_it_has_moved_has_yielded() -> None:
     assert list(floor.adviser._advice._worth.yielded_s) == [
         (floor.robot(request.robot).maker, floor.robot(request.other or "").maker)
     ]
+
+
+@pytest.mark.parametrize("stand", [face_to_face, before_crossing])
+def test_robots_that_tell_only_where_they_go_are_asked_as_those_with_a_path(
+    stand: Callable[[], tuple[Robot, Robot]],
+) -> None:
+    asked = []
+    for by_destination in (False, True):
+        robots = tuple(replace(robot, by_destination=by_destination) for robot in stand())
+        requests = Floor(robots).seconds(40)
+        asked.append([(request.verb, request.robot) for request in requests if not request.withdrawn])
+    assert asked[0]
+    assert asked[1] == asked[0]

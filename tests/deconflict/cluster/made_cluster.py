@@ -160,7 +160,7 @@ class Machines:
 
     def idle_s_of_stop(self, machine: str, role: str) -> float:
         """Stop it as well. Returns how long its main thread then waited for something else than a processor."""
-        process = self._processes.pop((machine, role))
+        process = self._processes[machine, role]
         began_s, before_s = time.monotonic(), busy_s(process.pid)
         assert process.stdin
         process.stdin.close()
@@ -168,6 +168,7 @@ class Machines:
             assert time.monotonic() - began_s < PATIENCE_S, f"the {role} does not stop"
             time.sleep(0.01)
         idle_s = time.monotonic() - began_s - (busy_s(process.pid) - before_s)
+        del self._processes[machine, role]
         assert process.wait() == 0
         return idle_s
 

@@ -1,7 +1,7 @@
 """Robots as contention keeps them: what is written by kernels, a batch or many at once, against plain reckoning."""
 
 from dataclasses import fields, replace
-from math import hypot
+from math import cos, hypot, sin
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from deconflict.contention.robots.robot_table import RESTING, RobotTable
 from ingest.batch import Basis, Batch
 from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
+from tests.helpers.saying import points, status
 
 TRAILERS = Trailers(count=2, length_m=1.0, width_m=0.7, hitch_m=1.5)
 DOCK, LANE = resource("d1", 20, 0), aisle("lane", 30, 50)
@@ -135,8 +136,12 @@ def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
 
 
 @pytest.mark.parametrize("mps", [0.5, 1.5, 4.0])
-def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from_there(mps: float) -> None:
-    means, stops_m = [(0.0, 0.0, 0.0), (100.0, 100 * mps, 0.0)], 4 * mps
+@pytest.mark.parametrize("bend_rad", [0.0, 1.5, 3.0])
+def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from_there(
+    mps: float, bend_rad: float
+) -> None:
+    ends = (6 * mps + 94 * mps * cos(bend_rad), 94 * mps * sin(bend_rad))
+    means, stops_m = [(0.0, 0.0, 0.0), (6.0, 6 * mps, 0.0), (100.0, *ends)], 4 * mps
     knots = [(0.0, 0.0, 0.0), (4.0, stops_m, 0.0), (100.0, stops_m, 0.0)]
     halts = Script(knots, means=means, state=lambda t: "navigating" if t < 5 else "waitingExternalEvent")
     scene, robots = Scene(site(), {"A": halts}), RobotTable(PlaceGeometry([], []))
@@ -146,6 +151,22 @@ def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from
     (waiting,) = np.flatnonzero(robots.records["waits"]).tolist()
     (way,) = robots.paths([waiting])
     assert way.coords[0] == pytest.approx((stops_m, 0.0))
-    assert way.coords[-1] == pytest.approx((14 * mps, 0.0))
+    assert way.coords[-1] == pytest.approx((6 * mps + 8 * mps * cos(bend_rad), 8 * mps * sin(bend_rad)))
     boxes_m = collect_boxes(robots.records, robots.stops, 0.0)[2]
     assert boxes_m[0, 0] < stops_m, "the box of its way holds where it stands"
+
+
+@pytest.mark.parametrize(("bound_m", "way_m"), [(4.0, 4.0), (60.0, 10.0)])
+def test_a_process_that_starts_takes_a_robot_that_is_held_up_as_on_its_way_to_its_destination(
+    bound_m: float, way_m: float
+) -> None:
+    scene, robots = Scene(site(), {"A": Script([(0.0, 0.0, 0.0)])}), RobotTable(PlaceGeometry([], []))
+    for t in range(8):
+        there = points((NOW_S + t, bound_m, 0.0, 0.0))
+        del there[0]["timestamp"]
+        scene.fleet.receive(status("A", NOW_S + t, velocity={"linear": 0.0}, destinations=there), NOW_S + t, LINE)
+    robots.update(scene.fleet.snapshot(NOW_S + 7.5))
+    (waiting,) = np.flatnonzero(robots.records["waits"]).tolist()
+    (way,) = robots.paths([waiting])
+    assert (*way.coords[0], *way.coords[-1]) == pytest.approx((0.0, 0.0, way_m, 0.0))
+    assert robots.records["held_up"][waiting]

@@ -323,6 +323,8 @@ STOPS, HELD_UP = (1.0, 1.0, 0.0, 0.0), (1.0, 1.0, *(0.0,) * 5)
         (HELD_UP, -5.0, 2.0),
         (HELD_UP, 4.0, 2.0),
         (HELD_UP, 9.0, 6.0),
+        (HELD_UP, 1.0, 2.0),
+        (HELD_UP[:4], None, 6.0),
         ((0.0,) * 3, None, 6.0),
         ((0.0,) * 6, None, 0.0),
     ],
@@ -338,6 +340,20 @@ def test_a_robot_that_is_held_up_heads_for_its_destination_only_if_its_times_let
             del there[0]["timestamp"]
         of.receive(status("A", NOW_S + s, x_m, velocity={"linear": mps}, destinations=there), NOW_S + s, LINE)
     assert at(of.robots[robot("A")].forecast, NOW_S + len(speeds_mps) + 10)[0] == pytest.approx(ends_m)
+
+
+RARE, REPEATED = [(0.0, 0.0, 1.0), (5.0, 4.5, 0.0)], [(s // 2, 0.0, 0.0) for s in range(12)]
+"""Seconds, metres and speeds of reports."""
+
+
+@pytest.mark.parametrize(("reports", "heads"), [(RARE, True), (REPEATED, False)])
+def test_how_long_a_robot_stands_is_known_from_where_it_was(reports: list[tuple[float, ...]], heads: bool) -> None:
+    of = fleet()
+    for t_s, x_m, mps in reports:
+        there = points((NOW_S + t_s, 20.0, 0.0, 0.0))
+        of.receive(status("A", NOW_S + t_s, x_m, velocity={"linear": mps}, destinations=there), NOW_S + t_s, LINE)
+    last_s, last_m, _ = reports[-1]
+    assert (at(of.robots[robot("A")].forecast, NOW_S + last_s + 5)[0] > last_m) is heads
 
 
 @pytest.mark.parametrize("limits_mps", [(0.6, 1.0, 1.4, 1.8), (2.0, 0.8, 1.5, None)])
