@@ -36,7 +36,8 @@ from ingest.security.tokens import SecretError
 
 log = logging.getLogger(__name__)
 
-PRUNE_EVERY_S = 3600.0
+PRUNE_EVERY_S, PRUNE_AGAIN_S = 3600.0, 60.0
+"""The second after a failure, such as of a locked file."""
 MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
@@ -125,39 +126,43 @@ class OperatorRole:
 
     async def _prune(self) -> None:
         """Remove advisories that were cleared long ago, now and every hour, and the oldest if they are too many."""
-        pruned_s = -inf
+        due_s = -inf
         while True:
-            if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
-                pruned_s = time.monotonic()
+            if (now_s := time.monotonic()) >= due_s:
                 known = await asyncio.to_thread(self.sources.clock.file.known_time)
                 before = datetime.fromtimestamp(known.before_s(self._site.store.keep_days), UTC)
-                await self._prune_losses(known.sure_s)
                 prune = partial(self._store.prune, before, known.latest_s)
-                await self._remove("age", f"cleared before {before}", prune)
+                losses_done = await self._prune_losses(known.sure_s)
+                is_done = await self._remove("age", f"cleared before {before}", prune) and losses_done
+                due_s = now_s + (PRUNE_EVERY_S if is_done else PRUNE_AGAIN_S)
             most_bytes = self._site.store.advisories_bytes
             text = f"that changed longest ago, to keep within store.advisories_bytes = {most_bytes},"
             await self._remove("size", text, partial(self._store.prune_to, most_bytes))
             await asyncio.sleep(MEASURE_SIZE_EVERY_S)
 
-    async def _prune_losses(self, now_s: float) -> None:
+    async def _prune_losses(self, now_s: float) -> bool:
+        """Whether old losses could be removed."""
         try:
             await asyncio.to_thread(self._ledger.prune, now_s)
         except (sqlite3.Error, OSError) as error:
             log.warning("old losses can't be removed: %s", error)
+            return False
+        return True
 
-    async def _remove(self, reason: str, text: str, prune: Callable[[], int]) -> None:
-        """Remove cleared advisories. `text` says which."""
+    async def _remove(self, reason: str, text: str, prune: Callable[[], int]) -> bool:
+        """Remove cleared advisories, and say whether they could be. `text` says which."""
         try:
             removed = await asyncio.to_thread(prune)
             used_bytes = await asyncio.to_thread(self._store.used_bytes)
         except StoreError as error:
             log.warning("old advisories can't be removed: %s", error)
-            return
+            return False
         self._publisher.measures.count(PRUNED, reason, by=removed)
         self._publisher.measures.level("deconflict_store_bytes", {(): used_bytes})
         self._publisher.measures.level("deconflict_store_renewed", {(): float(self._store.renewal is not None)})
         if removed:
             log.info("%s advisories %s are removed", removed, text)
+        return True
 
     async def _refresh(self) -> None:
         """Read changed secrets of outlets, and store their positions and what a disk that failed has not taken."""

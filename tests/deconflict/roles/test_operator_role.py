@@ -2,10 +2,11 @@
 
 import asyncio
 import gc
+import sqlite3
 import time
 import tracemalloc
 from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.operator.blackbox.keeper import SNAPSHOTS
+from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
+from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
 from deconflict.roles.operator_role import OperatorRole
@@ -23,14 +26,17 @@ from deconflict.runtime.parcels import STORED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.shared_places import NamedArea
-from deconflict.settings.site import Operator, Site, StoreSettings
+from deconflict.settings.site import LossSettings, Operator, Site, StoreSettings
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation, situations_of
+from ingest.recording.clock_notes import DAY_S
 from ingest.settings import Datum
 from metrics.monitoring.exposition import render
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.deconflict.operator.http.served_face import until
+from tests.deconflict.operator.ledger.made_entries import QUEUED
 from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_clock import put_notes
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL
 
@@ -89,6 +95,22 @@ async def test_what_was_removed_to_bound_the_database_is_counted_and_shown(tmp_p
         health = (await client.get(f"http://127.0.0.1:{role.port}/healthz")).json()
         assert health["store"]["pruned_for_size"] == 5
         assert health["store"]["bytes"] == role._publisher.measures.values["deconflict_store_bytes"][()]
+
+
+async def test_old_losses_that_could_not_be_removed_are_soon_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("deconflict.roles.operator_role.PRUNE_AGAIN_S", 0.1)
+    monkeypatch.setattr("deconflict.roles.operator_role.MEASURE_SIZE_EVERY_S", 0.1)
+    put_notes(tmp_path, time.time())
+    with closing(LossLedger(tmp_path, LossSettings())) as ledger:
+        ledger.add("engine", 1, [QUEUED._replace(from_s=time.time() - 120 * DAY_S)])
+    with closing(sqlite3.connect(tmp_path / LOSSES, isolation_level=None)) as another:
+        another.execute("BEGIN IMMEDIATE")
+        async with serving(tmp_path):
+            await until(lambda: "old losses can't be removed" in caplog.text)
+            another.execute("ROLLBACK")
+            await until(lambda: not another.execute("SELECT 1 FROM losses").fetchall())
 
 
 async def test_an_invalid_revision_is_set_aside_and_the_others_of_its_parcel_are_stored(tmp_path: Path) -> None:
