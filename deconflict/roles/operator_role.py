@@ -37,7 +37,7 @@ from ingest.security.tokens import SecretError
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S, PRUNE_AGAIN_S = 3600.0, 60.0
-"""The second after a failure, such as of a locked file."""
+"""Time from one attempt to the next; the shorter one after a failure, such as of a locked file."""
 MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
@@ -125,7 +125,10 @@ class OperatorRole:
             await asyncio.sleep(FILES_EVERY_S)
 
     async def _prune(self) -> None:
-        """Remove advisories that were cleared long ago, now and every hour, and the oldest if they are too many."""
+        """Remove old losses, and advisories that were cleared long ago, now and every hour, or soon after a failure.
+
+        Also remove the oldest advisories if they are too many.
+        """
         due_s = -inf
         while True:
             if (now_s := time.monotonic()) >= due_s:

@@ -228,8 +228,8 @@ class RobotTable(Mapping[str, RobotView]):
             return
         which, number = np.nonzero(np.arange(self.stops.shape[1]) < self.records["stops"][slots][:, None])
         stops = self.stops[slots[which], number]
-        datums, at_m = list(map(self.datum, stops["floor"].tolist())), (stops["x_m"].copy(), stops["y_m"].copy())
-        found = self._geometry.resources_at(datums, *at_m)
+        datums = list(map(self.datum, stops["floor"].tolist()))
+        found = self._geometry.resources_at(datums, stops["x_m"].copy(), stops["y_m"].copy())
         numbers = [-1 if place is None else self._place_number[place] for place in found]
         self.stops["resource"][slots[which], number] = numbers
         for slot in slots.tolist():

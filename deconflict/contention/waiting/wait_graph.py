@@ -14,16 +14,16 @@ import shapely
 
 from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M, touching_boxes
-from deconflict.contention.robots.record_kernels import LEAST_M
+from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_S
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import Node, Want
 from deconflict.sweep.geometry.heights import at_one_height, heights_overlap
 from ingest.batch import Bools, Floats, Ints
 
-WAY_M, HALTED_WAY_M, HALTED_S = 1.0, 4.0, 3.0
-"""A robot that stands this near to what is in its way waits for it; the second once it has halted for so long on its
-way, for nothing of its own."""
+WAY_M, HALTED_WAY_M = 1.0, 4.0
+"""A robot that stands this near to what is in its way waits for it. The greater distance counts once it has halted on
+its way for `STANDS_S`, and its state is in `GOES_ON`."""
 GOES_ON = frozenset(("navigating", "waitingExternalEvent"))
 """States of robots that go on once they can."""
 AT = "at "
@@ -222,7 +222,7 @@ def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hi
 def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: float) -> Hindrance:
     """A blocker that is `along_m` ahead on the waiter's path: from when the waiter comes to where it has to stop."""
     to_go_m = along_m - (waiter.length_m + min(blocker.length_m, blocker.width_m)) / 2
-    has_halted = not waiter.goes and waiter.state in GOES_ON and now_s - waiter.stood_s >= HALTED_S
+    has_halted = not waiter.goes and waiter.state in GOES_ON and now_s - waiter.stood_s >= STANDS_S
     is_there = waiter.stands and to_go_m < (HALTED_WAY_M if has_halted else WAY_M)
     from_s = now_s if is_there else now_s + max(to_go_m, 0.0) / waiter.speed_mps
     since_s = max(waiter.stood_s, blocker.stood_s) if is_there else from_s

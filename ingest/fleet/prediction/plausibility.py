@@ -57,8 +57,7 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
         now, findings = replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
     gap_s = now.t_s - before.t_s if before and before.floor == now.floor else 0.0
     if before is None or not 0.0 < gap_s <= OBSERVABLE_S:
-        is_repeated = before is not None and before.t_s == now.t_s and before.state == now.state
-        standing_s = before.standing_s if before and is_repeated else 0.0
+        standing_s = before.standing_s if before and (before.t_s, before.state) == (now.t_s, now.state) else 0.0
         return now if now.interval_s else replace(now, is_driving=_is_fast(now), standing_s=standing_s), findings
     if gap_s <= COMPARABLE_S:
         now, found = _compared(before, now, gap_s)
