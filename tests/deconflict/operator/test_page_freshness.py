@@ -46,6 +46,7 @@ WITHIN_S = 3.0
 """How far what the page says may be from the truth."""
 FRAME_S = 0.5
 """What the machine may take from the moment in which the page looks at its clock until the picture is looked at."""
+STATE = "({ status: document.getElementById('status').textContent, visible: document.visibilityState })"
 CLAIM = re.compile(r"(?:floor at|since|Showing) (\d\d:\d\d:\d\d)")
 CARDS_CLAIM = re.compile(r"the warnings of (\d\d:\d\d:\d\d)")
 WATCH = """async (uuid) => {
@@ -173,9 +174,10 @@ class Watched:
 
     async def until(self, condition: str) -> None:
         """Look at the page until a condition holds."""
-        async with asyncio.timeout(PATIENCE_S):
-            while not await self.page.evaluate(condition):
-                await self.for_s(0.2)
+        until_s = time.monotonic() + PATIENCE_S
+        while not await self.page.evaluate(condition):
+            assert time.monotonic() < until_s, f"not {condition}: {await self.page.evaluate(STATE)}"
+            await self.for_s(0.2)
 
     async def until_said(self, words: str) -> None:
         await self.until(f"/{words}/.test(document.getElementById('status').textContent)")

@@ -8,11 +8,11 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deconflict.advisories.situations.advice.stakes import stakes_of
+from deconflict.advisories.situations.advice.stakes import stakes_of, urgency_of_stakes
 from deconflict.advisories.situations.grouping import NEAR_M
 from deconflict.advisories.situations.situation_lifecycle import OVER_S, SituationLifecycle, is_worth
 from deconflict.advisories.words.words import Spot
-from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, moment
+from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Location, Severity, moment
 from deconflict_client.situations import MOST_ACTIONS, Situation
 from tests.deconflict.advisories.situations.made_situations import action, advice
 from tests.helpers.made_advisories import made
@@ -116,12 +116,19 @@ def check_open(history: History) -> None:
 
 
 def check_worth(history: History) -> None:
-    """Every advisory that has been worth a reaction for a while is in an open situation."""
+    """Every advisory that has been worth a reaction for a while is in an open situation. A caution may wait for the end
+    of a situation that is told as over."""
     lately_s = history.now_s - 1.5
+    is_told_as_over = any(
+        not last.advisories and (last.state is not AdvisoryState.CLEARED or last.updated_at.timestamp() >= lately_s)
+        for *_, last in history.revisions.values()
+    )
     for advisory in history.advisories.values():
         if advisory.updated_at.timestamp() <= lately_s:
-            stakes = (stakes_of([advisory], at_s) for at_s in (lately_s, history.now_s))
-            assert not all(map(is_worth, stakes)) or history.lifecycle.situation_of(advisory.id)
+            stakes = [stakes_of([advisory], at_s) for at_s in (lately_s, history.now_s)]
+            is_caution = any(urgency_of_stakes(each, None) is Severity.CAUTION for each in stakes)
+            may_wait = not all(map(is_worth, stakes)) or (is_told_as_over and is_caution)
+            assert may_wait or history.lifecycle.situation_of(advisory.id)
 
 
 def check_bounds(history: History) -> None:
