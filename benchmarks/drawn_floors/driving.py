@@ -24,6 +24,10 @@ from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Datum, Vendor
+from metrics.scoring.warnings.warning_judge import WarningJudge
+from metrics.truth import encounters
+from metrics.truth.encounters import STRETCH
+from metrics.truth.separations import Separations
 
 SITE = DEFAULT.model_copy(
     update={
@@ -48,11 +52,13 @@ class Work(NamedTuple):
     foreseen_pairs: int
     """Pairs in the table of the probabilities."""
     open_conflicts: int
+    judged_pairs: int
+    """Pairs that were near at a moment, by the newest look of the judge: it looks at many moments together."""
 
     @property
     def pairs(self) -> int:
-        """Pairs that were examined one by one: by the sweep, and for their probabilities."""
-        return self.box_pairs + self.foreseen_pairs
+        """Pairs that were examined one by one: by the sweep, for their probabilities, and by the judge."""
+        return self.box_pairs + self.foreseen_pairs + self.judged_pairs
 
 
 @dataclass(slots=True)
@@ -90,13 +96,15 @@ def drive(
     learned: Mapping[str, Part] | None = None,
     site: Site = SITE,
 ) -> Drive:
-    """Feed messages as they arrive, and make a pass at every tick. `learned` is what the engine knows before."""
-    found, sweeps = Drive(), list[PairConflicts]()
+    """Feed messages as they arrive, and make a pass at every tick, with all that the engine's process does in one.
+    `learned` is what the engine knows before."""
+    found, sweeps, near = Drive(), list[PairConflicts](), [0]
     fleet, engine = fast_fleet_of(site, Measures()), Engine(site, submit=_without_advice, learned=learned)
+    judge = WarningJudge(site.conflict.clearance_m, site.conflict.clear_margin_m, Measures())
     connections = [_connection(number, robot) for number, robot in enumerate(robots)]
     message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
     unexamined: dict[str, bool] = {}
-    with _swept(sweeps):
+    with _swept(sweeps), _judged(near):
         for _, now_s in pairwise(ticks_s.tolist()):
             while message < len(sent) and sent[message].at_s <= now_s:
                 at_s, robot, raw = sent[message]
@@ -106,13 +114,22 @@ def drive(
             if (examined := getattr(batch, "examined", None)) is not None:
                 unexamined |= dict(zip(batch.robots, (~examined).tolist(), strict=True))
             began_s = process_time()
+            bands_m = engine.foresight.ledger.bands_of(batch)
             engine.receive(batch)
             revisions = engine.step(START_S + now_s)
+            engine.advise(START_S + now_s)
+            waiting = engine.foresight.following_advice(START_S + now_s)
+            judge.add(START_S + now_s, batch, bands_m, revisions, waiting, engine.claims.partly_examined())
             pass_s = process_time() - began_s
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
             work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
-            found.work.append(Work(pass_s, *work, len(engine.foresight.pairs), len(engine.conflicts())))
+            foreseen, conflicts, judged_pairs = (
+                len(engine.foresight.pairs),
+                len(engine.conflicts()),
+                near[-1] // STRETCH,
+            )
+            found.work.append(Work(pass_s, *work, foreseen, conflicts, judged_pairs))
             found.failed = _failure(found, now_s)
             if found.failed:
                 break
@@ -166,6 +183,23 @@ def _swept(sweeps: list[PairConflicts]) -> Iterator[None]:
         yield
     finally:
         setattr(Sweeper, "find_conflicts", find_conflicts)  # noqa: B010
+
+
+@contextmanager
+def _judged(near: list[int]) -> Iterator[None]:
+    """Keep how many near pairs the judge looks at."""
+    separations = getattr(encounters, "separations")  # noqa: B009
+
+    def counted(*args: Any) -> Separations:
+        found = separations(*args)
+        near.append(len(found.a))
+        return found
+
+    setattr(encounters, "separations", counted)  # noqa: B010
+    try:
+        yield
+    finally:
+        setattr(encounters, "separations", separations)  # noqa: B010
 
 
 class _Unanswered:

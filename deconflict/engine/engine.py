@@ -96,17 +96,17 @@ class Engine:
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures, site)
-        self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
+        self.crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
-        crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
-        self._claims = PairClaims(self.live, self._conflicts, crowds)
-        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self._claims)
-        self._sweep = RobotSweep(site, self.live, self.measures, crowds, self._claims)
+        crowds, bounds = self.crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
+        self.claims = PairClaims(self.live, self._conflicts, crowds)
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims)
+        self._sweep = RobotSweep(site, self.live, self.measures, crowds, self.claims)
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, names)
         self._conflicts.restore(advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory))
         asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
         self._advice = EngineAdvice(site, self.live, *asking)
-        shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
+        shared = self.crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = self._resumed(learned) if learned else {}
@@ -119,7 +119,7 @@ class Engine:
     def presence_document(self, now_s: float) -> dict[str, Any]:
         """The JSON document for people: silent robots, exits, robots whose motion contradicts their forecasts, and
         those that are compared with some others only."""
-        partly_examined = self._claims.partly_examined()[:MOST_SHOWN]
+        partly_examined = self.claims.partly_examined()[:MOST_SHOWN]
         distrusted = self.foresight.distrusted()[:MOST_SHOWN]
         return self.presence.document(now_s) | {"distrusted": distrusted, "partly_examined": partly_examined}
 
@@ -221,7 +221,7 @@ class Engine:
         if heard:
             self.foresight.note_followed(now_s, self.followed if followed is None else followed)
         silent = self._update_presence(now_s)
-        crowded, numbers = self._crowds.step(now_s), self._crowds.numbers
+        crowded, numbers = self.crowds.step(now_s), self.crowds.numbers
         self._sweep.sweeper.touch(crowded)
         updated, self._updated, returned = self._updated, set(), self.presence.take_returned()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf
@@ -301,7 +301,7 @@ class Engine:
 
     def _partly_examined(self) -> Counter[str]:
         """By vendor, how many robots are compared with some others only."""
-        return Counter(self.live.robots[uuid].vendor for uuid in self._claims.partly_examined())
+        return Counter(self.live.robots[uuid].vendor for uuid in self.claims.partly_examined())
 
     def _is_near_miss(self, pair: Pair) -> bool:
         return not (all(map(self._scene.stands, pair)) or self._are_on_foot(pair))

@@ -4,7 +4,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -44,9 +44,10 @@ class PassJudge(Protocol):
         bands_m: Floats,
         revisions: Iterable[AnyAdvisory],
         waiting: Iterable[str | Pair],
+        doubted: Collection[str],
     ) -> None:
-        """Add a pass: what the engine received and published, the errors that it expected of the forecasts, and who
-        does as advised."""
+        """Add a pass: what the engine received and published, the errors that it expected of the forecasts, who does as
+        advised, and robots that are compared with some others only."""
 
     def begin_anew(self) -> None:
         """Forget what is not judged yet."""
@@ -203,7 +204,8 @@ class EngineRole:
                 self._judge.begin_anew()
             else:
                 waiting = engine.foresight.following_advice(batch.now_s)
-                self._judge.add(batch.now_s, batch, bands_m, revisions, waiting)
+                doubted = engine.claims.partly_examined()
+                self._judge.add(batch.now_s, batch, bands_m, revisions, waiting, doubted)
         except Exception:
             log.exception("warnings can't be judged, which should be reported; they are judged anew")
             engine.measures.count("deconflict_judge_failures_total")

@@ -49,12 +49,14 @@ class RecordedEncounter:
 class EncounterFinder:
     """Finds the encounters below each of several thresholds while reports arrive."""
 
-    def __init__(self, thresholds_m: Sequence[float], drawn_apart_m: float) -> None:
-        """A pair has drawn apart `drawn_apart_m` above a threshold: `conflict.clear_margin_m`."""
+    def __init__(self, thresholds_m: Sequence[float], drawn_apart_m: float, most_near: float = inf) -> None:
+        """A pair has drawn apart `drawn_apart_m` above a threshold: `conflict.clear_margin_m`. `advance` raises
+        `TooManyPairsError` if more than `most_near` pairs a robot are near, on average of some samples."""
         self.motion = RecordedMotion()
         self.scenes = NearestScenes(STEP_S)
         self.silences = Silences(self.motion.slots)
         self._below = {threshold_m: ThresholdEncounters(threshold_m, drawn_apart_m) for threshold_m in thresholds_m}
+        self._most_near = most_near
         self._next: int | None = None
         """The next sample to process, in steps since the epoch."""
         self._finished = False
@@ -122,7 +124,8 @@ class EncounterFinder:
             return
         first, self._next = self._next, self._next + samples
         sampled = self.motion.sampled(first, samples, STEP_S)
-        near = self._without_people(separations(sampled, max(below.apart_m for below in self._below.values())))
+        most, within_m = self._most_near * sampled.x_m.size, max(below.apart_m for below in self._below.values())
+        near = self._without_people(separations(sampled, within_m, most))
         for below in self._below.values():
             below.advance(near, sampled, self.motion)
         self.scenes.add(sampled, near, self.motion)

@@ -1,6 +1,6 @@
 """The recorded motion: linear between two reported positions if the reports are at most 2.1 s apart."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, inf, nan
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from deconflict.sweep.geometry.pose import between
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Batch, Floats, Forecasts, Ints
 from ingest.kernels import copy_row, inner, kernel, ready
 from ingest.shapes import MOST_TRAILERS
 
@@ -27,6 +27,16 @@ _NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
 """The last report of a robot before its first one."""
 
 _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+
+
+def without_doubted(batch: Batch, bands_m: Floats, doubted: Collection[str]) -> tuple[Batch, Floats]:
+    """A batch of n robots and the (n, horizons, bands) error radii of their forecasts, without those that are `doubted`
+    or not examined: what they do to each other is no truth that anything is scored by."""
+    if not doubted and batch.examined.all():
+        return batch, bands_m
+    names, examined = set(doubted), batch.examined.tolist()
+    rows = np.array([row for row, uuid in enumerate(batch.robots) if examined[row] and uuid not in names], np.int64)
+    return batch.take(rows, batch.gone), bands_m[rows]
 
 
 class RecordedPlace(NamedTuple):

@@ -1,7 +1,7 @@
 """Separations of near robots: between oriented envelopes, at every sample of a motion."""
 
 from math import hypot, inf, isnan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -11,6 +11,10 @@ from deconflict.sweep.shapes.shape_separations import Looks, bodies, shape_separ
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
 from metrics.truth.recorded_motion import SampledMotion
+
+
+class TooManyPairsError(Exception):
+    """More robots are near each other than may be looked at."""
 
 
 class Separations(NamedTuple):
@@ -31,13 +35,18 @@ class Separations(NamedTuple):
         return Separations._make(column[rows] for column in self)
 
 
-def separations(sampled: SampledMotion, within_m: float) -> Separations:
+def separations(sampled: SampledMotion, within_m: float, most: float = inf) -> Separations:
     """All pairs at all samples with a separation of at most `within_m`, without pairs of which one is above the
-    other. A robot counts with its trailers."""
+    other. A robot counts with its trailers.
+
+    Raises `TooManyPairsError` if there are more than `most` (at all samples together) by the circles around them.
+    """
     robot = sampled.robot
     (a, b, column), (apart_m, reach_m) = _near(
-        robot, sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m
+        robot, sampled.x_m, sampled.y_m, sampled.half_m, sampled.height_m, sampled.floor, within_m, most
     )
+    if len(a) > most:
+        raise TooManyPairsError
     of_a, of_b = (a, column), (b, column)
     looks = (
         sampled.x_m[of_b] - sampled.x_m[of_a],
@@ -79,6 +88,18 @@ def _of_shapes(sampled: SampledMotion, a: Ints, b: Ints, column: Ints, apart_m: 
     return np.maximum(shape_separations(apart_m[:, None], looks, of_a, of_b)[:, 0], 0.0)
 
 
+@inner
+def _beside(a_m: Floats, b_m: Floats) -> bool:
+    """Whether of two ranges of height (2,) none is above the other."""
+    return bool(a_m[0] <= b_m[1] and b_m[0] <= a_m[1])
+
+
+@inner
+def _longer(table: Any) -> Any:
+    """A table with room for twice as many columns."""
+    return np.concatenate((table, np.empty_like(table)), axis=1)
+
+
 _MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
@@ -100,14 +121,21 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
 
 @kernel(
     numba.types.Tuple((numba.int64[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        numba.int64[::1], _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64
+        numba.int64[::1], _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64, numba.float64
     )
 )
 def _near(
-    robot: Ints, x_m: Floats, y_m: Floats, half_m: Floats, height_m: Floats, floor: Floats, within_m: float
+    robot: Ints,
+    x_m: Floats,
+    y_m: Floats,
+    half_m: Floats,
+    height_m: Floats,
+    floor: Floats,
+    within_m: float,
+    most: float,
 ) -> tuple[Ints, Floats]:
     """Pairs whose circumscribed circles are at most `within_m` apart, of which neither is above the other, and that are
-    not of one `robot` (r,).
+    not of one `robot` (r,). Ends with the first that is more than `most`.
 
     Returns (3, m) the rows of the two and the sample, ascending; and (2, m) the distance of their centres and the
     greatest distance at which they count. Inputs are (r, s); half sides and heights are (2, r, s).
@@ -126,13 +154,13 @@ def _near(
                 # the sum is nan if a robot is absent, and nan compares as false
                 apart_m = hypot(x_m[a, column] - x_m[b, column], y_m[a, column] - y_m[b, column])
                 reach_m = radius_m[a, column] + radius_m[b, column] + within_m
-                if not (apart_m <= reach_m and floor[a, column] == floor[b, column]):
-                    continue
-                if height_m[0, a, column] > height_m[1, b, column] or height_m[0, b, column] > height_m[1, a, column]:
+                is_near = apart_m <= reach_m and floor[a, column] == floor[b, column]
+                if not (is_near and _beside(height_m[:, a, column], height_m[:, b, column])):
                     continue
                 if n == which.shape[1]:
-                    which = np.concatenate((which, np.empty_like(which)), axis=1)
-                    how_far = np.concatenate((how_far, np.empty_like(how_far)), axis=1)
+                    which, how_far = _longer(which), _longer(how_far)
                 which[0, n], which[1, n], which[2, n] = a, b, column
                 how_far[0, n], how_far[1, n], n = apart_m, reach_m, n + 1
+                if n > most:
+                    return which[:, :n].copy(), how_far[:, :n].copy()
     return which[:, :n].copy(), how_far[:, :n].copy()

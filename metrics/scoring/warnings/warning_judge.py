@@ -4,7 +4,7 @@ A pair is judged once it has been quiet for `QUIET_S`: none of its warnings is o
 judgement needs the motion on both sides of a moment, so the counts are behind by that time.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from math import floor, inf
 
 from deconflict.foresight.near_misses.warning_before import WITHIN_S
@@ -19,6 +19,8 @@ from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
 from metrics.truth.pair_outcomes import FRESH_S, AllPairOutcomes, outcome_of
+from metrics.truth.recorded_motion import without_doubted
+from metrics.truth.separations import TooManyPairsError
 
 QUIET_S = WITHIN_S + FRESH_S + 15.0
 """Reports of an event arrive, and a robot is seen to yield, within the last part of it."""
@@ -27,6 +29,9 @@ SILENT_S = 600.0
 RENEWED_AFTER_S, MOST_ROBOTS = 6 * 3600.0, 10_000
 """After this time, or this many robots, the judge begins anew, so that its memory is bounded. Warnings of that moment
 are not judged."""
+MOST_NEAR = 12.0
+"""The judge begins anew if more pairs a robot are near: six times those of robots at one on 25 m2, and twice those of
+robots that are parked side by side."""
 AHEAD_BOUNDS_S = (*(half / 2 for half in range(1, 21)), 12.0, 15.0, 20.0, 30.0, 60.0)
 WARNINGS, EVENTS = "deconflict_warnings_judged_total", "deconflict_events_judged_total"
 VENDOR_WARNINGS, VENDOR_EVENTS = "deconflict_vendor_warnings_judged_total", "deconflict_vendor_events_judged_total"
@@ -53,7 +58,7 @@ class WarningJudge:
 
     def _begin(self) -> None:
         clearance_m, drawn_apart_m = self._bounds_m
-        self._truth, self._interactions = EncounterFinder([clearance_m], drawn_apart_m), Interactions()
+        self._truth, self._interactions = EncounterFinder([clearance_m], drawn_apart_m, MOST_NEAR), Interactions()
         self._outcomes = AllPairOutcomes(self._truth, self._interactions, clearance_m)
         self._forecasts, self._waits = ForecastScores(), AdvisedWaits()
         self._vendor_of: dict[str, str] = {}
@@ -74,9 +79,12 @@ class WarningJudge:
         bands_m: Floats,
         revisions: Iterable[AnyAdvisory],
         waiting: Iterable[str | Pair],
+        doubted: Collection[str] = (),
     ) -> None:
-        """Add a pass of the engine. `bands_m` as of `ForecastScores.add_batch`, `waiting` as of `AdvisedWaits.add`."""
+        """Add a pass of the engine. `bands_m` as of `ForecastScores.add_batch`, `waiting` as of `AdvisedWaits.add`,
+        `doubted` as of `without_doubted`."""
         self._began_s = min(self._began_s, now_s)
+        batch, bands_m = without_doubted(batch, bands_m, doubted)
         for vendor in set(batch.vendors) - self._vendors:
             self._vendors.add(vendor)
             self._begin_counters(vendor)
@@ -89,7 +97,11 @@ class WarningJudge:
             return
         self._second, until_s = floor(now_s), self._truth.until_s
         self._truth.silences.fallen_silent(now_s)
-        self._truth.advance(now_s)
+        try:
+            self._truth.advance(now_s)
+        except TooManyPairsError:
+            self.begin_anew()
+            return
         if self._truth.until_s > until_s:
             self._settle(now_s)
         if now_s - self._began_s > RENEWED_AFTER_S or len(self._vendor_of) > MOST_ROBOTS:

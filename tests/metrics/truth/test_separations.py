@@ -10,7 +10,7 @@ from deconflict.sweep.geometry.envelope_distances import gap
 from ingest.batch import Forecasts
 from ingest.shapes import Shape, shapes_of
 from metrics.truth.recorded_motion import BODIES, RecordedMotion, SampledMotion
-from metrics.truth.separations import separations
+from metrics.truth.separations import TooManyPairsError, separations
 
 SAMPLES = 50
 
@@ -50,6 +50,14 @@ def test_separations_equal_those_of_every_pair_alone(robots: int, size_m: float,
     found = separations(there, 0.6)
     assert len(expected) >= fewest
     np.testing.assert_allclose(np.array(found).T, np.reshape(expected, (-1, 6)))
+
+
+def test_more_pairs_than_may_be_looked_at_are_an_error() -> None:
+    there = wandering(40, 6.0)
+    near = len(separations(there, 0.6).a)
+    assert len(separations(there, 0.6, most=near).a) == near
+    with pytest.raises(TooManyPairsError):
+        separations(there, 0.6, most=near - 1)
 
 
 def test_round_robots_are_as_far_apart_as_their_circles() -> None:
