@@ -27,6 +27,7 @@ from ingest.settings import Datum, Vendor
 from metrics.scoring.warnings.warning_judge import WarningJudge
 from metrics.truth import encounters
 from metrics.truth.encounters import STRETCH
+from metrics.truth.recorded_motion import SampledMotion
 from metrics.truth.separations import Separations
 
 SITE = DEFAULT.model_copy(
@@ -190,9 +191,10 @@ def _judged(near: list[int]) -> Iterator[None]:
     """Keep how many near pairs the judge looks at."""
     separations = getattr(encounters, "separations")  # noqa: B009
 
-    def counted(*args: Any) -> Separations:
-        found = separations(*args)
-        near.append(len(found.a))
+    def counted(sampled: SampledMotion, within_m: float, most: float) -> Separations:
+        near.append(int(most))
+        found: Separations = separations(sampled, within_m, most)
+        near[-1] = len(found.a)
         return found
 
     setattr(encounters, "separations", counted)  # noqa: B010

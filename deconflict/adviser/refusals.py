@@ -14,6 +14,9 @@ from ingest.measures.measures import Measures
 NOT_BEGUN = {ClearedCode.WITHDRAWN, ClearedCode.LAPSED, ClearedCode.DONE}
 """How a request ends that was refused without words, or whose robot says that it has done it where it stands."""
 
+MOST_HELD_UP = 50
+"""Of more robots that stand because of one refusal, the lost time is not counted."""
+
 
 class Refusals:
     """Those whose robots still stand, and those that are over."""
@@ -36,8 +39,12 @@ class Refusals:
         robot, other = advice.robot, advice.other
         self._end(robot)
         if robot in robots and other is not None and other in robots:
-            held_up = (other, *sorted(standing.held_up_by(robot) - {other}))
-            others = tuple(_held_up(uuid, robot, standing, robots) for uuid in held_up)
+            held_up = standing.held_up_by(robot)
+            first = (other, *sorted(held_up - {other})[: MOST_HELD_UP - 1])
+            others = tuple(
+                _held_up(uuid, robots, is_mutual=uuid in held_up and robot in standing.held_up_by(uuid))
+                for uuid in first
+            )
             self._open[robot] = AdviceRefusal(robot, advice.vendor, unable, now_s, now_s, others)
 
     def end_all(self) -> None:
@@ -73,7 +80,6 @@ def is_unable(why: str) -> bool:
     return reason_of(why) == CANNOT
 
 
-def _held_up(robot: str, by: str, standing: Standing, robots: RobotTable) -> HeldUp:
-    is_mutual = robot in standing.held_up_by(by) and by in standing.held_up_by(robot)
+def _held_up(robot: str, robots: RobotTable, *, is_mutual: bool) -> HeldUp:
     kind = LossKind.DEADLOCK if is_mutual else LossKind.QUEUE
     return HeldUp(robot, robots[robot].vendor, kind, robots[robot].datum, *robots.reported_pose(robot)[:2])

@@ -140,9 +140,10 @@ class Contention:
             return []
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
-        passing, nearby = self.robots.passing(), NearbyBoxes.of(self.robots, self._crowds)
+        passing = [robot for robot in self.robots.passing() if robot.uuid not in self._crowds]
+        nearby = NearbyBoxes.of(self.robots, self._crowds)
         self._flows.update(passing, now_s, dt_s)
-        journeys = legs(self.robots, nearby, now_s)
+        journeys = legs(self.robots, nearby, self._crowds, now_s)
         entries = self._entries.collect(passing, journeys, now_s)
         self._queues = forecast_queues(entries, self.geometry, now_s)
         in_way = hindrances(self.robots, nearby, now_s)

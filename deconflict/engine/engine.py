@@ -96,9 +96,9 @@ class Engine:
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures, site)
-        self.crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
+        self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
-        crowds, bounds = self.crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
+        crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
         self.claims = PairClaims(self.live, self._conflicts, crowds)
         self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds, self.claims)
@@ -106,7 +106,7 @@ class Engine:
         self._conflicts.restore(advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory))
         asking = self._sweep.sweeper, self.measures, submit, burdens_s, crowds, self.foresight.last_advised_wait_s
         self._advice = EngineAdvice(site, self.live, *asking)
-        shared = self.crowds, self.measures, restored, self._advice.queue_advice, names.describe
+        shared = self._crowds, self.measures, restored, self._advice.queue_advice, names.describe
         self._shared = SharedAdvisories(site, self.live, *shared, enabled=not conflicts_only)
         self._map_drift, self._loss_places = MapDrift.at(site.resources), LossPlaces.of(site)
         self.set_aside = self._resumed(learned) if learned else {}
@@ -221,7 +221,7 @@ class Engine:
         if heard:
             self.foresight.note_followed(now_s, self.followed if followed is None else followed)
         silent = self._update_presence(now_s)
-        crowded, numbers = self.crowds.step(now_s), self.crowds.numbers
+        crowded, numbers = self._crowds.step(now_s), self._crowds.numbers
         self._sweep.sweeper.touch(crowded)
         updated, self._updated, returned = self._updated, set(), self.presence.take_returned()
         reach_s = self.site.conflict.warning_s if effort >= Effort.NEAR else inf

@@ -1,6 +1,6 @@
 """The output of the engine of one clearance at one pass of a replay."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,8 +36,6 @@ class EngineOutput:
     """Revisions of situations."""
     losses: Sequence[LedgerEntry] = ()
     """Losses that ended."""
-    crowded: Set[str] = frozenset()
-    """The robots in crowds."""
 
     def conflicts(self) -> list[ConflictAdvisory]:
         return [revision for revision in self.advisories if isinstance(revision, ConflictAdvisory)]

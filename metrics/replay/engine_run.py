@@ -66,7 +66,6 @@ class EngineRun:
             self._place_forecast(now_s),
             situations_of(published),
             losses=ledger_entries(self.engine.losses),
-            crowded=frozenset(self.engine.crowds.numbers),
         )
 
     def _warn_of_set_aside(self) -> None:

@@ -29,7 +29,6 @@ from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
 from metrics.truth.nearest_scenes import NearestScene
 from metrics.truth.recent_tracks import RecentTracks
-from metrics.truth.recorded_motion import without_doubted
 from metrics.truth.resource_use import TimeSpan
 
 LOSS_KEYS: tuple[tuple[LossKey, ...], ...] = (("vendor", "by"), ("floor", "place"))
@@ -62,11 +61,10 @@ class LogScores:
         self.names.name_of.update(zip(batch.robots, batch.names, strict=True))
         self.names.participant_of.update(zip(batch.robots, batch.participants, strict=True))
         self.names.floors = batch.floors
-        batch, bands_m = without_doubted(batch, outputs[0].bands_m, outputs[0].crowded)
         self.tracks.add_batch(batch)
         self.truth.add_batch(batch)
         self.absences.add_batch(batch)
-        self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, bands_m))
+        self.interactions.add_batch(batch, self.forecasts.add_batch(batch, now_s, outputs[0].bands_m))
         self.arrivals.add_batch(batch)
         self.contention.add_batch(batch)
         self.contention.add_output(now_s, outputs[0].advisories, outputs[0].place_forecast)

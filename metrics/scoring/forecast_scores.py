@@ -24,6 +24,8 @@ BANDS = (0.5, 0.8, 0.9)
 PARTS = ("distance", "along", "across")
 USUAL, FEWEST_CASES = 0.9, 100
 """The usual error of a maker's forecasts is this quantile. It is unknown with fewer cases."""
+MOST_KINDS = 200
+"""A robot may name another model each second, and a kind takes 170 kB."""
 GATHERED_S = 5.0
 """Forecasts made within this time are compared with the motion together."""
 
@@ -113,8 +115,12 @@ class ForecastScores:
         return _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0))
 
     def _rows(self, kinds: Sequence[Kind]) -> Ints:
-        """The rows of kinds (n,) in the counts. Adds rows for new kinds."""
+        """The rows of kinds (n,) in the counts. Adds rows for new kinds; those beyond `MOST_KINDS` share one for each
+        basis."""
         new = [kind for kind in dict.fromkeys(kinds) if kind not in self._kinds]
+        room = max(MOST_KINDS - len(self._kinds), 0)
+        shared: dict[Kind, Kind] = {kind: ("", "", kind[2]) for kind in new[room:]}
+        new = new[:room] + [kind for kind in dict.fromkeys(shared.values()) if kind not in self._kinds]
         if new:
             usual_m = {kind[:2]: self._usually_aside_m[row] for kind, row in self._kinds.items()}
             self._kinds |= {kind: row for row, kind in enumerate(new, len(self._kinds))}
@@ -122,7 +128,7 @@ class ForecastScores:
             self._inside = np.pad(self._inside, ((0, len(new)), (0, 0), (0, 0)))
             more_m = [usual_m.get(kind[:2], np.zeros(len(HORIZONS_S))) for kind in new]
             self._usually_aside_m = np.concatenate([self._usually_aside_m, more_m])
-        return np.array([self._kinds[kind] for kind in kinds], np.int64)
+        return np.array([self._kinds[shared.get(kind, kind)] for kind in kinds], np.int64)
 
     def _count(self, until_s: float) -> None:
         robot, kind, bands_m = (np.concatenate([waiting[n] for waiting in self._waiting]) for n in range(3))

@@ -18,6 +18,8 @@ from ingest.batch import Bools, Floats, Ints
 SQUARE_M = 0.2
 SIZE_M = 0.1
 """Sizes are compared in these steps."""
+LARGEST_M = 8.0
+"""Ground under a body that is longer from corner to corner is not kept: nobody sends such a body anywhere."""
 MOST_SQUARES, MOST_SIZES = 50_000, 30
 """Kept of one size on one floor: as many of these again, then the older are forgotten. And of sizes on all floors."""
 KEPT_SQUARES = 200_000
@@ -66,7 +68,9 @@ class SeenGround:
 
     def add(self, robots: RobotTable, slots: Sequence[int]) -> None:
         """Robots of `slots` were reported where they are."""
-        if not len(slots):
+        lengths_m, widths_m = (robots.records[name][slots] for name in ("length_m", "width_m"))
+        slots = np.array(slots, np.int64)[np.hypot(lengths_m, widths_m) <= LARGEST_M].tolist()
+        if not slots:
             return
         rows, squares = _under(bodies(robots, np.array(slots)))
         ends = np.searchsorted(rows, np.arange(len(slots) + 1)).tolist()

@@ -78,7 +78,8 @@ class GlobalJudge:
     def receive(self, batches: Sequence[Batch]) -> None:
         """Take in batches of all ingests; those of one ingest are in the order of its ticks."""
         for received in map(self._floors.renumbered, batches):
-            newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)), received.gone)
+            is_new = received.examined & ~outdated(received, self._arrived_s)
+            newer = received.take(np.flatnonzero(is_new), received.gone)
             owned_rows = self._cross_ingest_claims.owned_rows(newer)
             batch = self._presence.receive(newer.take(owned_rows, self._gone(received)))
             self._cross_ingest_claims.add_reported(received.claims, received.now_s)

@@ -110,12 +110,13 @@ class Crowds:
 
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by label and floor."""
-        live, robots = self._live, sorted(self._numbers)
-        slots = np.array([live.robots[uuid].slot for uuid in robots], np.int64)
-        of = list(zip(map(self._labels.__getitem__, robots), live.at[slots, 2].tolist(), strict=True))
-        for label, floor in sorted(set(of)):
+        live, slots = self._live, defaultdict[tuple[str, float], list[int]](list)
+        for uuid in sorted(self._numbers):
+            slot = live.robots[uuid].slot
+            slots[self._labels[uuid], float(live.at[slot, 2])].append(slot)
+        for label, floor in sorted(slots):
             if floor >= 0:
-                yield self._crowd(label, slots[[each == (label, floor) for each in of]])
+                yield self._crowd(label, np.array(slots[label, floor]))
 
     def _crowd(self, label: str, slots: Ints) -> Crowd:
         """The crowd of robots of one label and floor."""

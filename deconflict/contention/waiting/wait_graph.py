@@ -4,7 +4,8 @@ A robot keeps its place until it departs for the next, and what it wants must be
 each want the other's place would have to pass each other somewhere, which the service can't plan.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections import Counter
+from collections.abc import Collection, Container, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import NamedTuple, Self
@@ -26,6 +27,8 @@ WAY_M, HALTED_WAY_M = 1.0, 4.0
 its way for `STANDS_S`, and its state is in `GOES_ON`."""
 GOES_ON = frozenset(("navigating", "waitingExternalEvent"))
 """States of robots that go on once they can."""
+MOST_LEGS = 100
+"""More legs of one place are no queue that anybody has."""
 AT = "at "
 """Prefix of the name of a place outside every resource, where a robot stands."""
 PATH = "path"
@@ -101,14 +104,15 @@ class Leg(NamedTuple):
     """When it is expected at its next stop."""
 
 
-def legs(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Leg]:
-    """The legs of robots that have or want something that another robot may have or want.
+def legs(robots: RobotTable, nearby: NearbyBoxes, crowds: Container[str], now_s: float) -> list[Leg]:
+    """The legs of robots, without those in `crowds`, that have or want something that another robot may have or want.
 
     That is a resource, or the place of a standing robot to which another robot goes. A robot that has nothing and goes
     to one place only has a leg only if another robot wants that place.
     """
     stood_on = _stood_on(robots, nearby)
-    views = {robot.uuid: robot for robot in (*robots.placed(), *robots.bound(), *stood_on.values())}
+    views = {robot.uuid: robot for robot in (*robots.placed(), *robots.bound()) if robot.uuid not in crowds}
+    views |= {robot.uuid: robot for robot in stood_on.values()}
     views |= {uuid: robots[uuid] for uuid, _ in stood_on}
     having = {uuid: robot for uuid, robot in views.items() if robot.here or robot.stands or len(robot.stops) > 1}
     found = [leg for robot in having.values() for leg in _legs(robot, stood_on, now_s)]
@@ -158,15 +162,19 @@ def place_wants(legs: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
     """The wants of robots for places that are full when they depart for them.
 
     A holder that means to leave before, for a place that it wants itself, may still be there: it leaves only if it can.
+    Of each place `MOST_LEGS` of those that have it count, and as many of those that want it.
     """
     by_place: dict[str, list[Leg]] = {}
     legs = list(legs)
     for leg in legs:
-        by_place.setdefault(leg.place, []).append(leg)
-    wants = []
+        of_place = by_place.setdefault(leg.place, [])
+        if len(of_place) < MOST_LEGS:
+            of_place.append(leg)
+    wants, wanting = [], Counter[str]()
     for leg in legs:
-        if leg.wants is None:
+        if leg.wants is None or wanting[leg.wants] == MOST_LEGS:
             continue
+        wanting[leg.wants] += 1
         robot = leg.node[0]
         holders = [
             other.node

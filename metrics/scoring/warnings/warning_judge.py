@@ -4,11 +4,11 @@ A pair is judged once it has been quiet for `QUIET_S`: none of its warnings is o
 judgement needs the motion on both sides of a moment, so the counts are behind by that time.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Set
 from math import floor, inf
 
 from deconflict.foresight.near_misses.warning_before import WITHIN_S
-from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
 from metrics.monitoring.warning_queries import OUTCOMES
@@ -45,6 +45,8 @@ class WarningJudge:
         self._bounds_m, self._measures = (clearance_m, drawn_apart_m), measures
         self._begin_counters()
         self._alerts: dict[str, Alert] = {}
+        self._left_out: set[str] = set()
+        """Ids of open advisories that are not judged."""
         self._vendors: set[str] = set()
         self._begin()
 
@@ -92,6 +94,7 @@ class WarningJudge:
         self._truth.add_batch(batch)
         self._interactions.add_batch(batch, self._forecasts.add_batch(batch, now_s, bands_m))
         self._note(revisions)
+        self._leave_out(set(doubted))
         self._waits.add(now_s, waiting)
         if floor(now_s) == self._second:
             return
@@ -100,6 +103,7 @@ class WarningJudge:
         try:
             self._truth.advance(now_s)
         except TooManyPairsError:
+            self._measures.count("deconflict_judge_failures_total")
             self.begin_anew()
             return
         if self._truth.until_s > until_s:
@@ -109,8 +113,20 @@ class WarningJudge:
 
     def _note(self, revisions: Iterable[AnyAdvisory]) -> None:
         for revision in revisions:
-            if isinstance(revision, ConflictAdvisory):
+            if not isinstance(revision, ConflictAdvisory):
+                continue
+            if revision.id not in self._left_out:
                 add_revision(self._alerts, revision)
+            elif revision.state is AdvisoryState.CLEARED:
+                self._left_out.discard(revision.id)
+
+    def _leave_out(self, doubted: Set[str]) -> None:
+        """Nobody can say what comes of warnings of robots whose motion is not believed."""
+        for name in [name for name, alert in self._alerts.items() if not doubted.isdisjoint(alert.pair)]:
+            alert = self._alerts.pop(name)
+            self._count_warning(tuple(sorted(alert.vendors)), "not_judged")
+            if alert.cleared_s == inf:
+                self._left_out.add(name)
 
     def _settle(self, now_s: float) -> None:
         """Judge the pairs that are quiet, and forget them."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.adviser import refusals
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger, refusal_entries
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_role import EngineRole
@@ -88,6 +89,11 @@ def test_those_behind_are_held_up_too_and_of_one_that_stands_alone_nobody_is() -
     assert refused == ("l", False, 3.0, {"r": 2.0, "b": 2.0})
     parked = AdvisedFloor([face_to_face()[0], Robot("p", "Pine", 1.6, 0.0, 0.0, means_to_go=False)]).run(30)
     assert {stood_s for *_, others in booked(parked) for stood_s in others.values()} == {0.0}
+
+
+def test_of_a_long_queue_only_the_first_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refusals, "MOST_HELD_UP", 1)
+    assert booked(first_refuses(Reply("declined", "busy"), queued()))[0] == ("l", False, 3.0, {"r": 2.0})
 
 
 def test_what_is_refused_again_is_booked_once() -> None:

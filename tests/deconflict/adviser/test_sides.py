@@ -55,6 +55,11 @@ def test_a_smaller_body_says_nothing_of_the_room_for_a_larger_one() -> None:
     assert asked(drive_by(-0.8, size_m=0.5)).side is None
 
 
+def test_the_ground_under_a_giant_is_not_kept() -> None:
+    assert asked(drive_by(-4.0, size_m=7.5)).side == "right"
+    assert asked(drive_by(-4.5, size_m=8.5)).side is None
+
+
 def test_an_area_of_the_site_file_allows_a_side_where_nobody_was() -> None:
     assert asked(site=site_of(REFUGE)).side == "right"
 

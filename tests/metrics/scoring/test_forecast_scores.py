@@ -3,6 +3,7 @@ import pytest
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Basis, Floats, Forecasts
+from metrics.scoring import forecast_scores
 from metrics.scoring.forecast_scores import PARTS, ForecastScores
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 
@@ -176,3 +177,15 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
             counts = np.bincount(bins_of(lengths), minlength=BINS)
             assert document[f"{kind}_median_m"] == pytest.approx(quantile(counts, 0.5), rel=0.03)
             assert document[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)
+
+
+def test_robots_that_name_ever_new_models_take_no_more_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forecast_scores, "MOST_KINDS", 2)
+    errors = ForecastScores()
+    for second in range(40):
+        kind = ("Alder", f"A{second}", Basis.PATH)
+        errors.add(["a"], [kind], said(float(second), (float(second), 0.0), (second + 10.0, 0.0)))
+        errors.advance(float(second))
+    errors.finish()
+    rows = [(row["model"], row["horizons"][0]["cases"]) for row in errors.figures()["by_model"]]
+    assert rows == [("", 37), ("A0", 1), ("A1", 1)]

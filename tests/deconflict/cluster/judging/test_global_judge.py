@@ -1,7 +1,9 @@
 """What is not of one place: one engine for all floors tells what the engine of one machine tells."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.cluster.judging.global_judge import GlobalJudge
@@ -162,3 +164,10 @@ def test_a_claim_of_one_ingest_stands_as_long_as_at_the_ingest() -> None:
         advisories += judge.advance(now_s)
     assert [advisory.state for advisory in advisories] == [AdvisoryState.RAISED, AdvisoryState.CLEARED]
     assert 0 <= advisories[1].updated_at.timestamp() - NOW_S - 1 - HELD_S <= 8
+
+
+def test_the_judge_leaves_out_robots_that_are_not_examined() -> None:
+    judge, (whole, _) = GlobalJudge(SITE), Floor(scripts()).tick(0)
+    examined = np.arange(len(whole)) > 0
+    judge.receive([replace(whole, examined=examined)])
+    assert judge._live.robots.keys() == set(whole.robots[1:])

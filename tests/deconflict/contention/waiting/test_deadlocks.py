@@ -1,11 +1,14 @@
 """Rings of waits, held against brute force."""
 
+from collections import Counter
 from itertools import pairwise
+from math import inf
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from deconflict.contention.waiting.deadlocks import Node, RingLink, Want, rings
+from deconflict.contention.waiting.wait_graph import MOST_LEGS, Leg, place_wants
 
 ROBOTS = [(name, 0) for name in "abcdef"]
 
@@ -82,3 +85,14 @@ def test_there_is_a_ring_exactly_if_a_robot_can_never_move_on(given: list[Want])
                 want.waiter[0] == link.waiter and (link.holder, 0) in want.holders and set(want.holders) <= locked
                 for want in given
             )
+
+
+def test_of_a_place_a_bounded_number_of_those_that_have_or_want_it_is_looked_at() -> None:
+    def robots(place: str, wants: str) -> list[Leg]:
+        return [Leg((f"{place} {n}", 0), place, 0.0, 1.0, -inf, inf, wants, 2.0) for n in range(3 * MOST_LEGS)]
+
+    wants = place_wants([*robots("north", "south"), *robots("south", "north")], {})
+    assert Counter((want.where, len(want.holders)) for want in wants) == {
+        ("north", MOST_LEGS): MOST_LEGS,
+        ("south", MOST_LEGS): MOST_LEGS,
+    }

@@ -11,6 +11,7 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from metrics.scoring.warnings import warning_judge
 from metrics.scoring.warnings.warning_judge import WarningJudge
+from tests.helpers.made_advisories import ROBOTS, cleared, made
 from tests.helpers.saying import robot, status
 
 NOW_S = 1_790_000_000.0
@@ -40,3 +41,14 @@ def test_the_judge_begins_anew_if_more_are_near_than_there_is_room_for(monkeypat
     assert judged_pairs(40, doubted=0) == 0
     monkeypatch.setattr(warning_judge, "MOST_NEAR", inf)
     assert judged_pairs(40, doubted=0) == 40 * 39 / 2
+
+
+@pytest.mark.parametrize("doubted", [ROBOTS[:1], ()])
+def test_a_warning_of_a_doubted_robot_is_not_judged(doubted: tuple[str, ...]) -> None:
+    measures, nobody = Measures(), fleet_of(Site(), Measures()).next_batch(NOW_S)
+    judge, unknown_m = WarningJudge(0.3, 0.2, measures), np.zeros((0, 10, 3))
+    for number, revision in enumerate([made(1), made(1, 2), cleared(1, 3)]):
+        judge.add(NOW_S + number, nobody, unknown_m, [revision], (), doubted)
+    judged = measures.values["deconflict_warnings_judged_total"]
+    assert judged["not_judged",] == len(doubted)
+    assert (len(judge._alerts), judge._left_out) == (1 - len(doubted), set())
