@@ -19,6 +19,7 @@ from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.losses.refusal import AdviceRefusal
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
+from deconflict.sweep.pair_choice import NO_CROWDS
 from deconflict_client.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
 from deconflict_client.advisory.robot_advice import ASKED, ENDED, RobotAdvice
 from deconflict_client.verbs import Followed
@@ -46,10 +47,12 @@ class AdviceLifecycle:
         describe: Callable[[Sequence[FloorPoint]], list[Spot]],
         measures: Measures,
         restored: Iterable[RobotAdvice] = (),
+        crowds: Mapping[str, int] = NO_CROWDS,
     ) -> None:
-        """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew."""
-        self._site, self._describe, self._measures = site, describe, measures
-        self._standoffs = StandoffAdvice(self._site, measures)
+        """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew.
+        `crowds` has the robots that are in a crowd at each look."""
+        self._site, self._describe, self._measures, self._crowds = site, describe, measures, crowds
+        self._standoffs = StandoffAdvice(self._site, measures, crowds=crowds)
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
@@ -99,7 +102,8 @@ class AdviceLifecycle:
         try:
             return self._look(robots, now_s, answers)
         except Exception:
-            self._standoffs, self._open, self._answers = StandoffAdvice(self._site, self._measures), {}, {}
+            self._standoffs = StandoffAdvice(self._site, self._measures, crowds=self._crowds)
+            self._open, self._answers = {}, {}
             self._restored = before
             raise
 

@@ -15,6 +15,7 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
+from deconflict.sweep.pair_choice import NO_CROWDS
 from deconflict_client.advisory.robot_advice import YIELDED
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
@@ -63,9 +64,17 @@ asked again and again would never arrive. Of the others the robot yields that ca
 class StandoffAdvice:
     """The requests that end standoffs, and what came of them."""
 
-    def __init__(self, site: Site, measures: Measures, numbers: Iterator[int] | None = None) -> None:
-        """`site` says what vendors can do, and onto which ground nobody is sent. `numbers` are ids to give."""
+    def __init__(
+        self,
+        site: Site,
+        measures: Measures,
+        numbers: Iterator[int] | None = None,
+        crowds: Mapping[str, int] = NO_CROWDS,
+    ) -> None:
+        """`site` says what vendors can do, and onto which ground nobody is sent. `numbers` are ids to give. `crowds`
+        has the robots that are in a crowd at each look."""
         self._measures, self._numbers = measures, count(1) if numbers is None else numbers
+        self._crowds = crowds
         self._open: dict[str, Asked] = {}
         """By robot."""
         self._asked: dict[str, Asked] = {}
@@ -131,7 +140,7 @@ class StandoffAdvice:
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
-        self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE)
+        self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE, self._crowds)
         self._observe_standing(now_s)
         self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]

@@ -1,5 +1,6 @@
 """Robots that stand in each other's way: who waits for whom, and since when."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.waiting.deadlocks import Want, rings
 from deconflict.contention.waiting.free_crossings import Crossing
 from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
+from deconflict.sweep.pair_choice import NO_CROWDS
 from ingest.batch import Bools, Floats, Ints
 
 SLOW_MPS = 0.8
@@ -94,10 +96,12 @@ class Standing:
         return found
 
 
-def standing(robots: RobotTable, now_s: float, foresees: bool) -> Standing:
-    """Who stands for whom, by the newest reports. If it `foresees`, robots that slow down for each other are rings."""
+def standing(robots: RobotTable, now_s: float, foresees: bool, crowds: Mapping[str, int] = NO_CROWDS) -> Standing:
+    """Who stands for whom, by the newest reports. If it `foresees`, robots that slow down for each other are rings. The
+    places of robots in `crowds` are doubted."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
+    heard[np.flatnonzero(robots.column(crowds))] = False
     rests = heard & resting(records)
     slows = heard & (records["speed_mps"] <= SLOW_MPS) & foresees
     ways = wanted_ways(robots, np.flatnonzero(rests | slows))

@@ -91,8 +91,10 @@ def _asked(slot: Slot, geometry: PlaceGeometry, robots: Mapping[str, RobotView])
 
 def _is_overtaken(slot: Slot, other: Slot) -> bool:
     """Whether a robot would arrive at its place before another one and has its slot after it."""
+    if slot.resource != other.resource or slot.start_at <= other.start_at:
+        return False
     arrives, other_arrives = (each.start_at.timestamp() - each.wait_s for each in (slot, other))
-    return slot.resource == other.resource and arrives < other_arrives and slot.start_at > other.start_at
+    return arrives < other_arrives
 
 
 def _wait(slot: Slot, geometry: PlaceGeometry, robots: Mapping[str, RobotView]) -> Action:

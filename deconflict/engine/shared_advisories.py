@@ -47,7 +47,7 @@ class SharedAdvisories:
         claims = [advisory for advisory in findings if isinstance(advisory, JudgedAdvisory)]
         self.contention = Contention(site, measures, queues, queue_advice, crowds.numbers)
         self._claims = ClaimLifecycle(live, crowds, claims)
-        self.asked = AdviceLifecycle(site, describe, measures, advice_of(restored))
+        self.asked = AdviceLifecycle(site, describe, measures, advice_of(restored), crowds.numbers)
         self._looked_s = float("-inf")
 
     def open(self) -> list[FindingAdvisory]:

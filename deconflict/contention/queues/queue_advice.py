@@ -22,6 +22,8 @@ from ingest.measures.measures import Measures
 
 AGAIN_S = 10.0
 """Advice is worked out again if other robots wait, or after this time."""
+MOST_ADVISED = 50
+"""Of a longer queue the first have slots advised: an answer takes the time of the queue's square."""
 MOST_SOLVED = 2
 """Groups of places in one look; the others keep their advice, or wait for the next look."""
 
@@ -169,7 +171,8 @@ class QueueAdvice:
         return advice
 
     def _place_queue(self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView]) -> PlaceQueue:
-        requests = tuple(self._request(entry, robots) for entry in forecast.entries) if forecast else ()
+        entries = forecast.entries[:MOST_ADVISED] if forecast else ()
+        requests = tuple(self._request(entry, robots) for entry in entries)
         return PlaceQueue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
 
     def _request(self, entry: QueueEntry, robots: Mapping[str, RobotView]) -> ServiceRequest:

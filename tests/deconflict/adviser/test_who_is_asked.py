@@ -5,6 +5,8 @@ from math import cos
 import pytest
 
 from deconflict.adviser import Request
+from deconflict.adviser.standoffs import standing
+from tests.deconflict.adviser.advised_floor import AdvisedFloor
 from tests.deconflict.adviser.floors import Floor, face_to_face
 
 
@@ -47,3 +49,10 @@ def test_of_two_that_stand_for_each_other_the_one_that_came_last_goes_around(nam
     while (request := next(iter(floor.second()), None)) is None:
         last.x_m += min(1.0, abs(there_m - last.x_m)) * ahead
     assert (request.robot, request.verb) == (last.uuid, "go_around")
+
+
+def test_robots_in_a_crowd_stand_for_nobody() -> None:
+    floor = AdvisedFloor(list(face_to_face())).run(6)
+    robots, crowd = floor.engine._shared.contention.robots, {floor.robots[0].uuid: 1}
+    assert len(standing(robots, floor.now_s, foresees=False).rings) == 1
+    assert standing(robots, floor.now_s, foresees=False, crowds=crowd).rings == []

@@ -7,11 +7,13 @@ from threading import Event
 import pytest
 
 from deconflict.advice.deferred_answers import Answer, PendingAnswer, answer_at_once
+from deconflict.contention.queues import queue_advice
 from deconflict.contention.queues.queue_advice import MOST_SOLVED
 from deconflict.engine.engine import Engine
 from deconflict_client.advisory import AnyAdvisory
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
 from tests.helpers.patience import PATIENCE_S
+from tests.helpers.saying import robot
 
 
 def waits(_: float) -> str:
@@ -57,6 +59,17 @@ def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
         wait([pool.submit(lambda: None)])
         advisories = scene.run(12, 8)
     assert any(later.id == advisory.id and later.recommendation for later in advisories)
+
+
+def test_of_a_long_queue_the_first_have_slots_advised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(queue_advice, "MOST_ADVISED", 3)
+    scene = queues()
+    for number in range(4):
+        scene.robots[f"C{number}"] = Script([(0, 30, 20 + number)], [(61 + number, 0, 0)], state=waits)
+    (advisory,) = raised(scene.run(20), "contention")
+    assert advisory.recommendation
+    slots = advisory.recommendation.slots
+    assert [slot.robot for slot in slots] == [robot("B0"), robot("C0")], "besides the one that is there"
 
 
 @pytest.mark.parametrize("chargers", [MOST_SOLVED, 3 * MOST_SOLVED])
