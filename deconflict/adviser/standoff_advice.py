@@ -183,6 +183,9 @@ class StandoffAdvice:
     def _reviewed(self, asked: Asked, robots: RobotTable, now_s: float) -> Iterator[Request]:
         """Update what came of an open request. Yields what is withdrawn."""
         robot = asked.request.robot
+        if robot in self._crowds:
+            yield from self._end(asked, asked.request)
+            return
         if robot not in robots or now_s >= asked.request.latest_s:
             ended = self._end(asked)
             yield from ended if now_s < asked.request.latest_s else ()

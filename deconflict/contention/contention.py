@@ -140,11 +140,12 @@ class Contention:
             return []
         dt_s = min(now_s - self._looked_s, 10 * LOOK_S)
         self._looked_s = now_s
-        passing = [robot for robot in self.robots.passing() if robot.uuid not in self._crowds]
-        nearby = NearbyBoxes.of(self.robots, self._crowds)
+        passing = self.robots.passing()
         self._flows.update(passing, now_s, dt_s)
-        journeys = legs(self.robots, nearby, self._crowds, now_s)
-        entries = self._entries.collect(passing, journeys, now_s)
+        passing, bound = self._believed(passing), self._believed(self.robots.bound())
+        nearby = NearbyBoxes.of(self.robots, self._crowds)
+        journeys = legs([*self._believed(self.robots.placed()), *bound], self.robots, nearby, now_s)
+        entries = self._entries.collect(passing, bound, journeys, now_s)
         self._queues = forecast_queues(entries, self.geometry, now_s)
         in_way = hindrances(self.robots, nearby, now_s)
         self._forecast_charging(now_s)
@@ -152,6 +153,10 @@ class Contention:
         found += self._deadlocks_and_blockages(passing, journeys, in_way, now_s)
         self._measures.level("deconflict_deadlocks_ahead", {(): len(self._rings)})
         return self._lifecycle.revise(now_s, of_vehicles(found, self.robots), self._named)
+
+    def _believed(self, robots: Iterable[RobotView]) -> list[RobotView]:
+        """Those of `robots` that are in no crowd."""
+        return [robot for robot in robots if robot.uuid not in self._crowds]
 
     def _named(self, uuid: str) -> NamedRobot:
         robot = self.robots[uuid]

@@ -28,6 +28,7 @@ from metrics.truth.absences import Absences
 from metrics.truth.encounters import EncounterFinder
 from metrics.truth.interactions import Interactions
 from metrics.truth.nearest_scenes import NearestScene
+from metrics.truth.placebo import Placebo
 from metrics.truth.recent_tracks import RecentTracks
 from metrics.truth.resource_use import TimeSpan
 
@@ -41,7 +42,7 @@ class LogScores:
     def __init__(self, site: Site, clearances_m: Sequence[float]) -> None:
         self.truth = EncounterFinder(clearances_m, site.conflict.clear_margin_m)
         self.tracks, self._clearance_m = RecentTracks(), clearances_m[0]
-        self.interactions = Interactions()
+        self.interactions = Interactions(Placebo())
         self.absences = Absences(clearances_m)
         self.by_clearance = [
             ClearanceScores(clearance_m, self.truth, self.interactions, self.absences) for clearance_m in clearances_m

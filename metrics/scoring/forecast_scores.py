@@ -6,6 +6,7 @@ heading.
 `_errors` is long because it is one loop with two places that only move on: in the motion, and in the forecast.
 """
 
+import sys
 from collections.abc import Sequence
 from math import cos, hypot, isfinite, sin
 from typing import Any
@@ -24,8 +25,6 @@ BANDS = (0.5, 0.8, 0.9)
 PARTS = ("distance", "along", "across")
 USUAL, FEWEST_CASES = 0.9, 100
 """The usual error of a maker's forecasts is this quantile. It is unknown with fewer cases."""
-MOST_KINDS = 200
-"""A robot may name another model each second, and a kind takes 170 kB."""
 GATHERED_S = 5.0
 """Forecasts made within this time are compared with the motion together."""
 
@@ -36,7 +35,9 @@ Kind = tuple[str, str, int]
 class ForecastScores:
     """Forecasts that wait for the motion that they predict, and counts of their errors."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_kinds: int = sys.maxsize) -> None:
+        """Beyond `most_kinds`, all kinds of one basis share a row."""
+        self._most_kinds = most_kinds
         self._counts: Ints = np.zeros((len(PARTS), 0, len(HORIZONS_S), BINS), np.int64)
         """(parts, kinds, horizons, BINS) counts of errors."""
         self._inside: Ints = np.zeros((0, len(HORIZONS_S), len(BANDS) + 1), np.int64)
@@ -115,10 +116,9 @@ class ForecastScores:
         return _by_horizon(self._counts[:, rows].sum(axis=1), self._inside[rows].sum(axis=0))
 
     def _rows(self, kinds: Sequence[Kind]) -> Ints:
-        """The rows of kinds (n,) in the counts. Adds rows for new kinds; those beyond `MOST_KINDS` share one for each
-        basis."""
+        """The rows of kinds (n,) in the counts. Adds rows for new kinds."""
         new = [kind for kind in dict.fromkeys(kinds) if kind not in self._kinds]
-        room = max(MOST_KINDS - len(self._kinds), 0)
+        room = max(self._most_kinds - len(self._kinds), 0)
         shared: dict[Kind, Kind] = {kind: ("", "", kind[2]) for kind in new[room:]}
         new = new[:room] + [kind for kind in dict.fromkeys(shared.values()) if kind not in self._kinds]
         if new:

@@ -53,10 +53,11 @@ class Interactions:
     """Finds interactions while batches arrive. Keeps the newest reports of each robot, and a few numbers for each
     interaction."""
 
-    def __init__(self) -> None:
+    def __init__(self, placebo: Placebo | None = None) -> None:
+        """`placebo` tests what is found, for the figures."""
         self.by_pair: dict[Pair, list[YieldEvent]] = {}
         """In the order of onset."""
-        self.placebo = Placebo()
+        self._placebo = placebo
         self._finder = InteractionFinder()
         self._slots = RobotSlots()
         self._half_m = np.zeros((2, 0))
@@ -88,7 +89,8 @@ class Interactions:
         self._vendor[slots] = [self._vendors.setdefault(vendor, len(self._vendors)) for vendor in batch.vendors]
         self._update_times(slots, batch.event_s)
         reports = interaction_reports(batch, slots, poses_at(forecasts, ready(batch.event_s), LOOKS_S), usual_m)
-        self.placebo.add_reports(reports)
+        if self._placebo:
+            self._placebo.add_reports(reports)
         for interaction in self._finder.receive(reports, self._half_m, self._levels_m, self._vendor):
             self._update_event(interaction)
         self._end_finished()
@@ -107,7 +109,7 @@ class Interactions:
             "sparse": sparse,
             "sparse_share": sparse / len(events) if events else None,
             "doubt_s": float(np.median([event.doubt_s for event in events])) if events else None,
-            "placebo": self.placebo.figures(),
+            "placebo": self._placebo.figures() if self._placebo else None,
         }
 
     def _update_times(self, slots: Ints, event_s: Floats) -> None:
@@ -143,7 +145,8 @@ class Interactions:
         )
         self._open[slot] = event
         self.by_pair.setdefault(event.pair, []).append(event)
-        self.placebo.check(interaction, self._half_m, self._levels_m)
+        if self._placebo:
+            self._placebo.check(interaction, self._half_m, self._levels_m)
         return event
 
     def _end_finished(self) -> None:
@@ -174,5 +177,6 @@ class Interactions:
         slots = self._slots.release(robots).tolist()
         if slots:
             self._finder.forget(slots)
-            self.placebo.forget(slots)
+            if self._placebo:
+                self._placebo.forget(slots)
             self._end_finished()

@@ -31,7 +31,7 @@ _FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (nu
 
 def without_doubted(batch: Batch, bands_m: Floats, doubted: Collection[str]) -> tuple[Batch, Floats]:
     """A batch of n robots and the (n, horizons, bands) error radii of their forecasts, without those that are `doubted`
-    or not examined: what they do to each other is no truth that anything is scored by."""
+    or not examined: what they report is not believed."""
     if not doubted and batch.examined.all():
         return batch, bands_m
     names, examined = set(doubted), batch.examined.tolist()

@@ -16,6 +16,7 @@ from ingest.recording.log_reader import LogReader
 from metrics.replay.recorded_passes import PassReader
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.truth.interactions import Interactions, YieldEvent
+from metrics.truth.placebo import Placebo
 
 EARLY_S, LATE_S = 2.5, 1.0
 """An interaction belongs to a stop if it begins at most `EARLY_S` before the stop, or `LATE_S` after its end."""
@@ -27,7 +28,7 @@ MET_WITHIN_S = 3.0
 
 def interactions(log: Path, site: Site) -> Interactions:
     """The interactions of one log, found as `deconflict replay` finds them."""
-    passes, errors, found = PassReader(site), ForecastScores(), Interactions()
+    passes, errors, found = PassReader(site), ForecastScores(), Interactions(Placebo())
     for engine_pass in chain(passes.passes_of(LogReader().read([log])), passes.last_passes()):
         found.add_batch(engine_pass.batch, errors.add_batch(engine_pass.batch, engine_pass.now_s))
     return found
@@ -40,7 +41,7 @@ def finder_figures(log: Path, truth: Path, site: Site) -> dict[str, Figure]:
     """
     floor, found = Floor.read(log, truth, site.conflict.clearance_m), interactions(log, site)
     yielded = [case for cases in found.by_pair.values() for case in cases if case.outcome is InteractionOutcome.YIELDED]
-    placebo, happened = found.placebo.figures(), floor.happened
+    placebo, happened = found.figures()["placebo"], floor.happened
     share_again = nan if placebo["same_robot"] is None else placebo["same_robot"]
     stops_of = [_stops_of(case, floor.truth.stops) for case in yielded]
     true = [_is_true(case, stops, happened) for case, stops in zip(yielded, stops_of, strict=True)]

@@ -19,7 +19,7 @@ SQUARE_M = 0.2
 SIZE_M = 0.1
 """Sizes are compared in these steps."""
 LARGEST_M = 8.0
-"""Ground under a body that is longer from corner to corner is not kept: nobody sends such a body anywhere."""
+"""Ground under a body that is longer from corner to corner is not kept: it would be thousands of squares."""
 MOST_SQUARES, MOST_SIZES = 50_000, 30
 """Kept of one size on one floor: as many of these again, then the older are forgotten. And of sizes on all floors."""
 KEPT_SQUARES = 200_000
@@ -68,8 +68,7 @@ class SeenGround:
 
     def add(self, robots: RobotTable, slots: Sequence[int]) -> None:
         """Robots of `slots` were reported where they are."""
-        lengths_m, widths_m = (robots.records[name][slots] for name in ("length_m", "width_m"))
-        slots = np.array(slots, np.int64)[np.hypot(lengths_m, widths_m) <= LARGEST_M].tolist()
+        slots = [slot for slot in slots if not _is_large(size_of(robots, robots.uuids[slot]))]
         if not slots:
             return
         rows, squares = _under(bodies(robots, np.array(slots)))
@@ -106,7 +105,8 @@ class SeenGround:
     def resume(self, part: Part) -> None:
         """Continue from what `learned` gave. Raises `UnreadableError`."""
         kept = FORM.checked(part)["squares"]
-        self._squares = {(floor, Size(*size)): _Squares(set(numbers)) for floor, size, numbers in kept}
+        sizes = ((floor, Size(*size), numbers) for floor, size, numbers in kept)
+        self._squares = {(floor, size): _Squares(set(numbers)) for floor, size, numbers in sizes if not _is_large(size)}
 
     def _of(self, floor: str, least: Size) -> Iterator[set[int]]:
         for (datum, size), squares in self._squares.items():
@@ -120,6 +120,11 @@ def size_of(robots: RobotTable, robot: str) -> Size:
     body = robots[robot]
     measures = (body.length_m, body.width_m, body.top_m if np.isfinite(body.top_m) else 0.0)
     return Size._make(int(measure_m / SIZE_M + 1e-6) for measure_m in measures)
+
+
+def _is_large(size: Size) -> bool:
+    """Whether nothing is kept of the ground under bodies of this size."""
+    return bool(np.hypot(size.length, size.width) * SIZE_M > LARGEST_M)
 
 
 def _under(boxes: Boxes) -> tuple[Ints, Ints]:

@@ -78,10 +78,10 @@ class GlobalJudge:
     def receive(self, batches: Sequence[Batch]) -> None:
         """Take in batches of all ingests; those of one ingest are in the order of its ticks."""
         for received in map(self._floors.renumbered, batches):
-            is_new = received.examined & ~outdated(received, self._arrived_s)
-            newer = received.take(np.flatnonzero(is_new), received.gone)
+            newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)), received.gone)
             owned_rows = self._cross_ingest_claims.owned_rows(newer)
-            batch = self._presence.receive(newer.take(owned_rows, self._gone(received)))
+            rows = owned_rows[newer.examined[owned_rows]]
+            batch = self._presence.receive(newer.take(rows, self._gone(received)))
             self._cross_ingest_claims.add_reported(received.claims, received.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
             for part in with_end_before(batch):

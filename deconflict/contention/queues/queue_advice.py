@@ -23,7 +23,7 @@ from ingest.measures.measures import Measures
 AGAIN_S = 10.0
 """Advice is worked out again if other robots wait, or after this time."""
 MOST_ADVISED = 50
-"""Of a longer queue the first have slots advised: an answer takes the time of the queue's square."""
+"""Of more waiting robots the first have slots advised: the time of an answer grows with their square."""
 MOST_SOLVED = 2
 """Groups of places in one look; the others keep their advice, or wait for the next look."""
 
@@ -171,7 +171,7 @@ class QueueAdvice:
         return advice
 
     def _place_queue(self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView]) -> PlaceQueue:
-        entries = forecast.entries[:MOST_ADVISED] if forecast else ()
+        entries = forecast.entries[: forecast.inside + MOST_ADVISED] if forecast else ()
         requests = tuple(self._request(entry, robots) for entry in entries)
         return PlaceQueue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
 

@@ -32,9 +32,10 @@ class QueueEntries:
         self._geometry, self._robots, self._dwells, self._flows = geometry, robots, dwells, flows
 
     def collect(
-        self, passing: Iterable[RobotView], journeys: Iterable[Leg], now_s: float
+        self, passing: Iterable[RobotView], bound: Iterable[RobotView], journeys: Iterable[Leg], now_s: float
     ) -> dict[str, list[QueueEntry]]:
-        """The entries by place. `passing` are robots with a zone on their way, `journeys` all robots' legs."""
+        """The entries by place. `passing` are robots with a zone on their way, `bound` those with a destination,
+        `journeys` all robots' legs."""
         entries = defaultdict[str, list[QueueEntry]](list)
         for robot in passing:
             self._add_passages(entries, robot, now_s)
@@ -42,7 +43,7 @@ class QueueEntries:
             if leg.node[1] == 0 and leg.place in self._dwells:
                 entries[leg.place].append(self._stay(leg, now_s))
         usual_s = {place: dwells.service_s for place, dwells in self._dwells.items()}
-        for robot in self._robots.bound():
+        for robot in bound:
             self._add_stops(entries, robot, usual_s, now_s)
         return entries
 

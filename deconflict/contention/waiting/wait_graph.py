@@ -4,8 +4,7 @@ A robot keeps its place until it departs for the next, and what it wants must be
 each want the other's place would have to pass each other somewhere, which the service can't plan.
 """
 
-from collections import Counter
-from collections.abc import Collection, Container, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import NamedTuple, Self
@@ -28,7 +27,7 @@ its way for `STANDS_S`, and its state is in `GOES_ON`."""
 GOES_ON = frozenset(("navigating", "waitingExternalEvent"))
 """States of robots that go on once they can."""
 MOST_LEGS = 100
-"""More legs of one place are no queue that anybody has."""
+"""More robots than this wait for no place."""
 AT = "at "
 """Prefix of the name of a place outside every resource, where a robot stands."""
 PATH = "path"
@@ -104,15 +103,15 @@ class Leg(NamedTuple):
     """When it is expected at its next stop."""
 
 
-def legs(robots: RobotTable, nearby: NearbyBoxes, crowds: Container[str], now_s: float) -> list[Leg]:
-    """The legs of robots, without those in `crowds`, that have or want something that another robot may have or want.
+def legs(going: Iterable[RobotView], robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Leg]:
+    """The legs of robots that have or want something that another robot may have or want: of those `going` somewhere or
+    in a resource, and of those that others go to.
 
     That is a resource, or the place of a standing robot to which another robot goes. A robot that has nothing and goes
     to one place only has a leg only if another robot wants that place.
     """
     stood_on = _stood_on(robots, nearby)
-    views = {robot.uuid: robot for robot in (*robots.placed(), *robots.bound()) if robot.uuid not in crowds}
-    views |= {robot.uuid: robot for robot in stood_on.values()}
+    views = {robot.uuid: robot for robot in (*going, *stood_on.values())}
     views |= {uuid: robots[uuid] for uuid, _ in stood_on}
     having = {uuid: robot for uuid, robot in views.items() if robot.here or robot.stands or len(robot.stops) > 1}
     found = [leg for robot in having.values() for leg in _legs(robot, stood_on, now_s)]
@@ -162,19 +161,20 @@ def place_wants(legs: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
     """The wants of robots for places that are full when they depart for them.
 
     A holder that means to leave before, for a place that it wants itself, may still be there: it leaves only if it can.
-    Of each place `MOST_LEGS` of those that have it count, and as many of those that want it.
+    Of each place `MOST_LEGS` more legs count than it has room for, and as many that lead to it: the next of each robot
+    first.
     """
-    by_place: dict[str, list[Leg]] = {}
-    legs = list(legs)
-    for leg in legs:
-        of_place = by_place.setdefault(leg.place, [])
-        if len(of_place) < MOST_LEGS:
+    legs, by_place, leading = list(legs), dict[str, list[Leg]](), dict[str, set[Node]]()
+    for leg in sorted(legs, key=lambda leg: leg.node[1]):
+        of_place, to_place = by_place.setdefault(leg.place, []), leading.setdefault(leg.wants or "", set())
+        if len(of_place) < MOST_LEGS + capacity.get(leg.place, 1):
             of_place.append(leg)
-    wants, wanting = [], Counter[str]()
+        if len(to_place) < MOST_LEGS:
+            to_place.add(leg.node)
+    wants = []
     for leg in legs:
-        if leg.wants is None or wanting[leg.wants] == MOST_LEGS:
+        if leg.wants is None or leg.node not in leading[leg.wants]:
             continue
-        wanting[leg.wants] += 1
         robot = leg.node[0]
         holders = [
             other.node

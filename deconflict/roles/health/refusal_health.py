@@ -143,9 +143,7 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
         "times situations could not be made", "they began anew; report the error in the log", 1
     ),
     "deconflict_judge_failures_total": Shown(
-        "times warnings could not be judged",
-        "they are judged anew; report the error if the log has one, else too many robots report from one place",
-        1,
+        "times warnings could not be judged", "they are judged anew; report the error in the log", 1
     ),
     "deconflict_advice_failures_total": Shown(
         "requests for advice ended in an error", "report the error in the log", 1

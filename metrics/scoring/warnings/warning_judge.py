@@ -4,11 +4,12 @@ A pair is judged once it has been quiet for `QUIET_S`: none of its warnings is o
 judgement needs the motion on both sides of a moment, so the counts are behind by that time.
 """
 
-from collections.abc import Collection, Iterable, Set
+import logging
+from collections.abc import Collection, Iterable
 from math import floor, inf
 
 from deconflict.foresight.near_misses.warning_before import WITHIN_S
-from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
+from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
 from metrics.monitoring.warning_queries import OUTCOMES
@@ -30,12 +31,16 @@ RENEWED_AFTER_S, MOST_ROBOTS = 6 * 3600.0, 10_000
 """After this time, or this many robots, the judge begins anew, so that its memory is bounded. Warnings of that moment
 are not judged."""
 MOST_NEAR = 12.0
-"""The judge begins anew if more pairs a robot are near: six times those of robots at one on 25 m2, and twice those of
-robots that are parked side by side."""
+"""The judge begins anew if there are more near pairs for each robot. Robots that are parked side by side have half as
+many."""
+MOST_KINDS = 200
+"""Kinds of forecasts that are told apart: a robot may name another model each second, and a kind takes 170 kB."""
 AHEAD_BOUNDS_S = (*(half / 2 for half in range(1, 21)), 12.0, 15.0, 20.0, 30.0, 60.0)
 WARNINGS, EVENTS = "deconflict_warnings_judged_total", "deconflict_events_judged_total"
 VENDOR_WARNINGS, VENDOR_EVENTS = "deconflict_vendor_warnings_judged_total", "deconflict_vendor_events_judged_total"
 AHEAD_BY = "deconflict_warned_ahead_seconds"
+
+log = logging.getLogger(__name__)
 
 
 class WarningJudge:
@@ -45,8 +50,8 @@ class WarningJudge:
         self._bounds_m, self._measures = (clearance_m, drawn_apart_m), measures
         self._begin_counters()
         self._alerts: dict[str, Alert] = {}
-        self._left_out: set[str] = set()
-        """Ids of open advisories that are not judged."""
+        self._doubted_s: dict[str, float] = {}
+        """When robots were last doubted."""
         self._vendors: set[str] = set()
         self._begin()
 
@@ -62,7 +67,7 @@ class WarningJudge:
         clearance_m, drawn_apart_m = self._bounds_m
         self._truth, self._interactions = EncounterFinder([clearance_m], drawn_apart_m, MOST_NEAR), Interactions()
         self._outcomes = AllPairOutcomes(self._truth, self._interactions, clearance_m)
-        self._forecasts, self._waits = ForecastScores(), AdvisedWaits()
+        self._forecasts, self._waits = ForecastScores(MOST_KINDS), AdvisedWaits()
         self._vendor_of: dict[str, str] = {}
         self._began_s, self._second = inf, -1
 
@@ -94,7 +99,7 @@ class WarningJudge:
         self._truth.add_batch(batch)
         self._interactions.add_batch(batch, self._forecasts.add_batch(batch, now_s, bands_m))
         self._note(revisions)
-        self._leave_out(set(doubted))
+        self._doubted_s |= dict.fromkeys(doubted, now_s)
         self._waits.add(now_s, waiting)
         if floor(now_s) == self._second:
             return
@@ -103,7 +108,7 @@ class WarningJudge:
         try:
             self._truth.advance(now_s)
         except TooManyPairsError:
-            self._measures.count("deconflict_judge_failures_total")
+            log.warning("too many robots report from one place: the warnings of the last minute are not judged")
             self.begin_anew()
             return
         if self._truth.until_s > until_s:
@@ -113,20 +118,12 @@ class WarningJudge:
 
     def _note(self, revisions: Iterable[AnyAdvisory]) -> None:
         for revision in revisions:
-            if not isinstance(revision, ConflictAdvisory):
-                continue
-            if revision.id not in self._left_out:
+            if isinstance(revision, ConflictAdvisory):
                 add_revision(self._alerts, revision)
-            elif revision.state is AdvisoryState.CLEARED:
-                self._left_out.discard(revision.id)
 
-    def _leave_out(self, doubted: Set[str]) -> None:
-        """Nobody can say what comes of warnings of robots whose motion is not believed."""
-        for name in [name for name, alert in self._alerts.items() if not doubted.isdisjoint(alert.pair)]:
-            alert = self._alerts.pop(name)
-            self._count_warning(tuple(sorted(alert.vendors)), "not_judged")
-            if alert.cleared_s == inf:
-                self._left_out.add(name)
+    def _is_doubted(self, pair: Pair, since_s: float) -> bool:
+        """Whether a robot of a pair was doubted since then: nobody can say what it did."""
+        return any(self._doubted_s.get(robot, -inf) >= since_s for robot in pair)
 
     def _settle(self, now_s: float) -> None:
         """Judge the pairs that are quiet, and forget them."""
@@ -144,19 +141,25 @@ class WarningJudge:
         for case in cases.alerts:
             self._count_alert(case)
         for onset in cases.onsets:
-            self._count_onset(onset)
+            if not self._is_doubted(onset.pair, onset.onset_s - WITHIN_S):
+                self._count_onset(onset)
         self._outcomes.forget(quiet)
         for name in alerts:
             del self._alerts[name]
+        self._doubted_s = {
+            robot: at_s for robot, at_s in self._doubted_s.items() if at_s > quiet_s - SILENT_S - WITHIN_S
+        }
 
     def _may_have_left(self, pair: Pair, before_s: float) -> bool:
         return any(self._truth.silences.may_have_left(robot, before_s) for robot in pair)
 
     def _count_alert(self, case: JudgedAlert) -> None:
-        """A warning from before the beginning came true if that was seen. Otherwise nobody can say."""
-        outcome = outcome_of(case.verdict)
-        is_known = case.alert.raised_s >= self._began_s or outcome == "came_true"
-        self._count_warning(case.vendors, outcome if is_known else "not_judged")
+        """A warning from before the beginning came true if that was seen. Otherwise nobody can say, nor of one of which
+        a robot was doubted."""
+        alert, outcome = case.alert, outcome_of(case.verdict)
+        is_known = alert.raised_s >= self._began_s or outcome == "came_true"
+        is_known &= not self._is_doubted(alert.pair, alert.raised_s)
+        self._count_warning(tuple(sorted(alert.vendors)), outcome if is_known else "not_judged")
 
     def _count_warning(self, vendors: tuple[str, ...], outcome: str) -> None:
         self._measures.count(WARNINGS, outcome)

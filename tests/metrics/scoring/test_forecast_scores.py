@@ -3,7 +3,6 @@ import pytest
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Basis, Floats, Forecasts
-from metrics.scoring import forecast_scores
 from metrics.scoring.forecast_scores import PARTS, ForecastScores
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 
@@ -179,9 +178,8 @@ def test_errors_are_those_of_every_forecast_held_against_every_report_by_hand() 
             assert document[f"{kind}_p90_m"] == pytest.approx(quantile(counts, 0.9), rel=0.03)
 
 
-def test_robots_that_name_ever_new_models_take_no_more_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(forecast_scores, "MOST_KINDS", 2)
-    errors = ForecastScores()
+def test_robots_that_name_ever_new_models_take_no_more_room() -> None:
+    errors = ForecastScores(most_kinds=2)
     for second in range(40):
         kind = ("Alder", f"A{second}", Basis.PATH)
         errors.add(["a"], [kind], said(float(second), (float(second), 0.0), (second + 10.0, 0.0)))

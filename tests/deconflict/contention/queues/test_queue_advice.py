@@ -62,14 +62,23 @@ def test_a_late_answer_delays_no_look_and_is_given_when_it_is_ready() -> None:
 
 
 def test_of_a_long_queue_the_first_have_slots_advised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(queue_advice, "MOST_ADVISED", 3)
+    monkeypatch.setattr(queue_advice, "MOST_ADVISED", 2)
     scene = queues()
     for number in range(4):
         scene.robots[f"C{number}"] = Script([(0, 30, 20 + number)], [(61 + number, 0, 0)], state=waits)
     (advisory,) = raised(scene.run(20), "contention")
     assert advisory.recommendation
     slots = advisory.recommendation.slots
-    assert [slot.robot for slot in slots] == [robot("B0"), robot("C0")], "besides the one that is there"
+    assert [slot.robot for slot in slots] == [robot("B0"), robot("C0")]
+
+
+def test_a_crowd_is_in_no_queue() -> None:
+    scene = Scene(site(resource("c", 0, 0, kind="charger", service_s=100.0)), {"A": Script([(0, 0, 0)])})
+    for number in range(12):
+        scene.robots[f"C{number}"] = Script([(0, 30 + 0.01 * number, 10)], [(60, 0, 0)], state=waits)
+    advisories = scene.run(20)
+    assert raised(advisories, "crowd")
+    assert raised(advisories, "contention") == []
 
 
 @pytest.mark.parametrize("chargers", [MOST_SOLVED, 3 * MOST_SOLVED])

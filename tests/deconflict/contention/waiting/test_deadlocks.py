@@ -93,6 +93,6 @@ def test_of_a_place_a_bounded_number_of_those_that_have_or_want_it_is_looked_at(
 
     wants = place_wants([*robots("north", "south"), *robots("south", "north")], {})
     assert Counter((want.where, len(want.holders)) for want in wants) == {
-        ("north", MOST_LEGS): MOST_LEGS,
-        ("south", MOST_LEGS): MOST_LEGS,
+        ("north", MOST_LEGS + 1): MOST_LEGS,
+        ("south", MOST_LEGS + 1): MOST_LEGS,
     }
