@@ -58,7 +58,7 @@ class Work(NamedTuple):
 
     @property
     def pairs(self) -> int:
-        """Pairs that were examined one by one: by the sweep, for their probabilities, and by the judge."""
+        """Examined pairs: of the sweep, of the probabilities, and of the judge."""
         return self.box_pairs + self.foreseen_pairs + self.judged_pairs
 
 
@@ -125,12 +125,8 @@ def drive(
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
             work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
-            foreseen, conflicts, judged_pairs = (
-                len(engine.foresight.pairs),
-                len(engine.conflicts()),
-                near[-1] // STRETCH,
-            )
-            found.work.append(Work(pass_s, *work, foreseen, conflicts, judged_pairs))
+            tables = len(engine.foresight.pairs), len(engine.conflicts())
+            found.work.append(Work(pass_s, *work, *tables, near[-1] // STRETCH))
             found.failed = _failure(found, now_s)
             if found.failed:
                 break

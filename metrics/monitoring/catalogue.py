@@ -140,7 +140,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_warnings_judged_total": counter(
         "Warnings by what came of them, as in the report of a replay, about a minute later: came_true, in_vain, or "
-        "not_judged. Of a single machine, not of a cluster. Of robots that are not compared with all: not_judged.",
+        "not_judged. Warnings of partly examined robots are not_judged. Of a single machine, not of a cluster.",
         "outcome",
     ),
     "deconflict_vendor_warnings_judged_total": counter(

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 
 from deconflict.sweep.geometry.envelope_distances import gap
+from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.shapes.shape_separations import Looks, bodies, shape_separations
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
@@ -88,10 +89,13 @@ def _of_shapes(sampled: SampledMotion, a: Ints, b: Ints, column: Ints, apart_m: 
     return np.maximum(shape_separations(apart_m[:, None], looks, of_a, of_b)[:, 0], 0.0)
 
 
+_heights_overlap = inner(heights_overlap)
+
+
 @inner
 def _beside(a_m: Floats, b_m: Floats) -> bool:
-    """Whether of two ranges of height (2,) none is above the other."""
-    return bool(a_m[0] <= b_m[1] and b_m[0] <= a_m[1])
+    """Whether neither of two robots with bottom and top (2,) is above the other."""
+    return bool(_heights_overlap(a_m[0], a_m[1], b_m[0], b_m[1]))
 
 
 @inner
