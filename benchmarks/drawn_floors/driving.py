@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.drawn_floors.floor import HONEST
-from benchmarks.drawn_floors.motion import HALL, START_S, Robot, Sent
+from benchmarks.drawn_floors.motion import DOCK_M, HALL, LANE_M, START_S, Robot, Sent
 from deconflict.advice.deferred_answers import Answer, PendingAnswer
 from deconflict.engine.engine import Engine
 from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
+from deconflict.settings.shared_places import Polygon, Resource, Zone
 from deconflict.settings.site import DEFAULT, Site
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
@@ -30,10 +31,16 @@ from metrics.truth.encounters import STRETCH
 from metrics.truth.recorded_motion import SampledMotion
 from metrics.truth.separations import Separations
 
+DOCK: Polygon = tuple((DOCK_M[0] + x_m, DOCK_M[1] + y_m) for x_m, y_m in ((-2, -2), (2, -2), (2, 2), (-2, 2)))
+LANE: Polygon = tuple(
+    (x_m, y_m + side_m) for side_m, ends_m in ((-1, LANE_M), (1, LANE_M[::-1])) for x_m, y_m in ends_m
+)
 SITE = DEFAULT.model_copy(
     update={
         "datums": (Datum(id=HALL, name="Hall"),),
         "vendors": tuple(Vendor(name=maker) for maker in HONEST),
+        "resources": (Resource(kind="dock", id="dock", datum=HALL, polygon=DOCK),),
+        "zones": (Zone(kind="aisle", id="lane", datum=HALL, polygon=LANE, axis=LANE_M),),
     }
 )
 LONGEST_PASS_S, LONGEST_DRIVE_S = 5.0, 120.0

@@ -227,7 +227,7 @@ def _rectangles(robot: Robot, times_s: Floats, seconds: float) -> tuple[Any, ...
         _stretched(rows, truth, length_m, width_m),
         _stretched(rows, believed, length_m + grown_m, width_m + grown_m),
     ]
-    if robot.says == "straight":
+    if robot.says in ("straight", "waits"):
         poses = robot.forecasts(reports_s)
         for ahead_s in range(PATH_S + 1):
             there = Poses(*(column[:, ahead_s] for column in poses))

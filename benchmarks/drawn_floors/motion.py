@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import Literal, NamedTuple, Self
 from uuid import NAMESPACE_DNS, uuid5
 
@@ -17,8 +17,13 @@ START_S = 1_790_000_000
 HALL = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
 PATH_S = 10
 """Points of a path, one a second."""
-Says = Literal["path", "straight", "speed", "nothing"]
-"""What a moving robot says of its way: where it will be, that it goes straight on, that it moves, or nothing."""
+DOCK_M, LANE_M = (6.0, 6.0), ((0.0, 12.0), (24.0, 12.0))
+"""The middle of a dock on every floor, and the ends of a lane."""
+Says = Literal["path", "straight", "waits", "bound", "speed", "nothing"]
+"""What a robot says of its way: where it will be, that it goes straight on, the same while it stands, that it goes to
+the dock, that it moves, or nothing."""
+WAITS_MPS = 1.0
+"""The speed on the path of a robot that waits on it."""
 Span = tuple[float, float]
 
 _STATUS = (
@@ -118,7 +123,8 @@ class Robot:
         if self.says == "path":
             return self.way.at(t_s[:, None] + ahead_s)
         now = Poses(*(column[:, None] for column in self.way.at(t_s)))
-        gone_m = now.speed_mps * (ahead_s if self.says == "straight" else 0.0)
+        path_mps = {"straight": now.speed_mps, "waits": np.maximum(now.speed_mps, WAITS_MPS)}.get(self.says, 0.0)
+        gone_m = path_mps * ahead_s + 0.0 * now.speed_mps
         x_m, y_m = now.x_m + gone_m * np.cos(now.yaw_rad), now.y_m + gone_m * np.sin(now.yaw_rad)
         return Poses(*np.broadcast_arrays(x_m, y_m, now.yaw_rad, now.speed_mps))
 
@@ -150,7 +156,9 @@ def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterat
         path, state = "", "idle"
         if robot.says == "speed" and speeds[0] > 0:
             state = "navigating"
-        elif robot.says in ("path", "straight") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
+        elif robot.says == "bound":
+            path, state = _bound(start_s + t_s, x_m[0], y_m[0]), "navigating"
+        elif robot.says in ("path", "straight", "waits") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
             points = (
                 _POINT % (_stamp(start_s + t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
                 for k in range(1, PATH_S + 1)
@@ -158,6 +166,12 @@ def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterat
             path, state = f',"path":[{",".join(points)}]', "navigating"
         here = x_m[0], y_m[0], sin(yaw_rad[0] / 2), cos(yaw_rad[0] / 2)
         yield Sent(t_s, number, (_STATUS % (uuid, _stamp(start_s + t_s), state, *here, HALL, speeds[0], path)).encode())
+
+
+def _bound(now_s: float, x_m: float, y_m: float) -> str:
+    """The destination of a robot that goes to the dock."""
+    arrives_s = now_s + hypot(DOCK_M[0] - x_m, DOCK_M[1] - y_m) / WAITS_MPS
+    return f',"destinations":[{_POINT % (_stamp(arrives_s), *DOCK_M, 0.0, 1.0, HALL)}]'
 
 
 def _stamp(epoch_s: float) -> str:

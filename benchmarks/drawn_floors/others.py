@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from benchmarks.drawn_floors.motion import Robot, Says, Span, Way
+from benchmarks.drawn_floors.motion import LANE_M, Robot, Says, Span, Way
 from ingest.batch import Floats
 
 BEGIN_S = 5.0
@@ -236,13 +236,40 @@ def convoy(ground: Ground, count: int) -> list[Body]:
     return [Body(Way.driven(np.array([at_m, at_m + ahead_m]), 1.0), 0.5, 0.5) for at_m in begins_m]
 
 
-def parked(ground: Ground, count: int) -> list[Body]:
-    """Standing side by side, as closely as robots can be."""
+def _rows(ground: Ground, count: int, yaws_rad: Sequence[float]) -> Iterator[Way]:
+    """Standing side by side, as closely as robots of 0.8 x 0.6 m can be."""
     wide = max(int(np.sqrt(count)), 1)
     row, column = np.divmod(np.arange(count), wide)
     corner_m = ground.points(1)[0]
-    places_m = corner_m + np.column_stack([0.9 * column, 0.7 * row])
-    return [Body(way, 0.8, 0.6) for way in _stand(places_m, [0.0] * count)]
+    return _stand(corner_m + np.column_stack([0.9 * column, 0.7 * row]), yaws_rad)
+
+
+def parked(ground: Ground, count: int) -> list[Body]:
+    """Standing side by side, as closely as robots can be."""
+    return [Body(way, 0.8, 0.6) for way in _rows(ground, count, [0.0] * count)]
+
+
+def waiting_rows(ground: Ground, count: int) -> list[Body]:
+    """Side by side, each with a way on which it does not go, through the others."""
+    return [Body(way, 0.5, 0.4, says="waits") for way in _rows(ground, count, ground.yaws(count))]
+
+
+def bound_rows(ground: Ground, count: int) -> list[Body]:
+    """Side by side, and all say that they go to the dock."""
+    return [Body(way, 0.8, 0.6, says="bound") for way in _rows(ground, count, [0.0] * count)]
+
+
+def bound(ground: Ground, count: int) -> list[Body]:
+    """Over the whole floor, and all say that they go to the dock."""
+    return [body._replace(says="bound") for body in crossing(ground, count)]
+
+
+def in_lane(ground: Ground, count: int) -> list[Body]:
+    """To and fro between the ends of the lane."""
+    ends_m, beside_m = np.array(LANE_M), ground.rng.uniform(-0.8, 0.8, (count, 2))
+    corners_m = np.tile(ends_m, (int(ground.seconds / np.ptp(ends_m[:, 0])) + 2, 1))
+    turns = ground.rng.integers(0, 2, count).tolist()
+    return [Body(Way.driven(corners_m[turn:] + each_m, 1.0)) for turn, each_m in zip(turns, beside_m, strict=True)]
 
 
 def chain(ground: Ground, count: int) -> list[Body]:
@@ -267,5 +294,6 @@ KINDS: dict[str, Kind] = {
         standing_heap, moving_heap, wide_heap, trembling_heap, two_heaps, on_an_honest_robot,
         falls_silent, standing_falls_silent, falls_silent_in_turn, silent_again_and_again, wide_falls_silent,
         all_at_once, fast, fast_straight, converging, crossing, jumping, convoy, parked, chain, moving_crowd,
+        waiting_rows, bound_rows, bound, in_lane,
     )
 }  # fmt: skip

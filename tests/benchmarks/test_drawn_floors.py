@@ -21,7 +21,7 @@ HELD = (
     "large-spread",
     "giants-and-small",
     "moving-heap",
-    "two-heaps",
+    "waiting-rows",
     "falls-silent",
     "all-at-once",
 )

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.wait_graph import Hindrance
 
+MOST_HELD_UP = 50
+"""Of robots that one robot holds up, so many count: those that wait for it directly first, then those behind them."""
+
 
 @dataclass(frozen=True, slots=True)
 class Blockage:
@@ -45,6 +48,8 @@ def _held_up_s(blocker: str, behind: Mapping[str, list[Hindrance]]) -> dict[str,
         holder, after_s = queue.pop(0)
         for hindrance in behind.get(holder, ()):
             waiter, from_s = hindrance.waiter, max(hindrance.since_s, after_s)
+            if waiter not in held_up_s and len(held_up_s) == MOST_HELD_UP:
+                continue
             if waiter != blocker and from_s < held_up_s.get(waiter, float("inf")):
                 held_up_s[waiter] = from_s
                 queue.append((waiter, from_s))

@@ -54,16 +54,17 @@ def rings(wants: Iterable[Want]) -> list[tuple[RingLink, ...]]:
 
 def _locked(by_waiter: dict[Node, list[Want]]) -> set[Node]:
     """The nodes that never move on."""
-    locked = set(by_waiter)
-    while True:
-        free = {
-            node
-            for node in locked
-            if all(any(holder not in locked for holder in want.holders) for want in by_waiter[node])
-        }
-        if not free:
-            return locked
-        locked -= free
+    waiters_for: dict[Node, list[Node]] = {}
+    for node, wants in by_waiter.items():
+        for holder in {holder for want in wants for holder in want.holders}:
+            waiters_for.setdefault(holder, []).append(node)
+    locked, asked = set(by_waiter), list(by_waiter)
+    while asked:
+        node = asked.pop()
+        if node in locked and not any(locked.issuperset(want.holders) for want in by_waiter[node]):
+            locked.remove(node)
+            asked += waiters_for.get(node, ())
+    return locked
 
 
 def _loops(waits_for: dict[Node, tuple[Want, Node]]) -> list[list[Node]]:

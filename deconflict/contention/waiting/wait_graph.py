@@ -28,6 +28,10 @@ GOES_ON = frozenset(("navigating", "waitingExternalEvent"))
 """States of robots that go on once they can."""
 MOST_LEGS = 100
 """More robots than this wait for no place."""
+MOST_IN_WAY = 10
+"""Of robots in the way of one, so many count: the nearest along its path. It meets no other one before them."""
+MOST_FACING = 50
+"""Of robots that drive one way through a lane, so many count: those that are in it first."""
 AT = "at "
 """Prefix of the name of a place outside every resource, where a robot stands."""
 PATH = "path"
@@ -67,12 +71,12 @@ class NearbyBoxes(NamedTuple):
         near = (ends[:, 0] != standing) & is_free & _at_one_height(robots, ends[:, 0], standing)
         return list(zip(map(tuple, ends[near].tolist()), standing[near].tolist(), strict=True))
 
-    def in_way(self, robots: RobotTable) -> list[tuple[int, int]]:
-        """Slots of robots that have another standing near their path, and its slot."""
+    def in_way(self, robots: RobotTable) -> Ints:
+        """(2, n) slots of robots that have another standing near their path, and its slot."""
         row, at = touching_boxes(self.going_m, self.standing_m).T
         going, standing, floor = self.going[row], self.standing[at], robots.records["floor"]
         near = (going != standing) & (floor[going] == floor[standing]) & _at_one_height(robots, going, standing)
-        return list(zip(going[near].tolist(), standing[near].tolist(), strict=True))
+        return np.stack((going[near], standing[near]))
 
 
 def _at_one_height(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
@@ -209,22 +213,29 @@ class Hindrance:
 def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hindrance]:
     """The standing robots in the way of others, by waiter and time."""
     near = nearby.in_way(robots)
-    if not near:
+    if not near.size:
         return []
-    going, standing = (list(dict.fromkeys(slots)) for slots in zip(*near, strict=True))
-    paths, outlines = robots.paths(going), robots.outlines(standing)
+    going, standing = (np.unique(slots) for slots in near)
+    paths, outlines = np.array(robots.paths(going.tolist())), robots.outlines(standing.tolist())
     reach = np.maximum(robots.records["width_m"][going] / 2 - LEAST_M, LEAST_M)
-    pairs = shapely.STRtree(outlines).query(paths, predicate="dwithin", distance=reach).T.tolist()
-    met = [(paths[row], going[row], standing[column]) for row, column in pairs]
-    may_meet = set(near)
-    met = [(path, slot, other) for path, slot, other in met if (slot, other) in may_meet]
-    if not met:
-        return []
-    views = [(robots[robots.uuids[slot]], robots[robots.uuids[other]]) for _, slot, other in met]
-    centres = shapely.points([(blocker.x_m, blocker.y_m) for _, blocker in views])
-    along_m = shapely.line_locate_point([path for path, _, _ in met], centres).tolist()
-    found = [_hindrance(waiter, blocker, to_m, now_s) for (waiter, blocker), to_m in zip(views, along_m, strict=True)]
+    row, column = shapely.STRtree(outlines).query(paths, predicate="dwithin", distance=reach)
+    may_meet = np.isin(going[row] << 32 | standing[column], near[0] << 32 | near[1])
+    row, slots, others = row[may_meet], going[row[may_meet]], standing[column[may_meet]]
+    centres = shapely.points(robots.records["x_m"][others], robots.records["y_m"][others])
+    along_m = shapely.line_locate_point(paths[row], centres)
+    kept = _first_of_each(row, along_m)
+    met = zip(slots[kept].tolist(), others[kept].tolist(), along_m[kept].tolist(), strict=True)
+    uuids = robots.uuids
+    found = [_hindrance(robots[uuids[slot]], robots[uuids[other]], to_m, now_s) for slot, other, to_m in met]
     return sorted(found, key=lambda hindrance: (hindrance.waiter, hindrance.from_s, hindrance.blocker))
+
+
+def _first_of_each(paths: Ints, along_m: Floats) -> Ints:
+    """The rows of the `MOST_IN_WAY` nearest along each of `paths` (n,)."""
+    order = np.lexsort((along_m, paths))
+    ordered = paths[order]
+    kept: Ints = order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < MOST_IN_WAY]
+    return kept
 
 
 def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: float) -> Hindrance:
@@ -259,8 +270,9 @@ def aisle_wants(robots: Iterable[RobotView], aisles: Collection[str]) -> list[Wa
             by_aisle.setdefault(zone, []).append(robot)
     wants = []
     for zone, inside in sorted(by_aisle.items()):
-        forth = [robot for robot in inside if robot.passages[zone].direction > 0]
-        back = [robot for robot in inside if robot.passages[zone].direction < 0]
+        inside.sort(key=lambda robot: robot.passages[zone].enter_s)
+        forth = [robot for robot in inside if robot.passages[zone].direction > 0][:MOST_FACING]
+        back = [robot for robot in inside if robot.passages[zone].direction < 0][:MOST_FACING]
         for a in forth:
             for b in back:
                 meet_s = _meet_s(a, b, zone) if at_one_height(a, b) else None

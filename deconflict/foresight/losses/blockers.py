@@ -10,14 +10,14 @@ The file is long because its functions are compiled: they take what they need nu
 from math import cos, hypot, inf, sin
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from deconflict.foresight.losses.losing import KnownRobots, nearest_rows
 from deconflict.foresight.losses.loss import NOBODY
 from deconflict.foresight.losses.planned_times import TURN_M
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2, MOVES_MPS
 from deconflict.sweep.geometry.envelope_distances import rectangle_gap
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Floats
 from ingest.frames.angles import turn_between
 from ingest.kernels import inner
 
@@ -54,47 +54,6 @@ SILENT_S = 30.0
 """A robot that has not reported for longer is not looked at."""
 
 _turn_between = inner(turn_between)
-
-
-class KnownRobots(NamedTuple):
-    """What is known of all robots that do not rest, by row."""
-
-    newest: Ints
-    """(rows,) place of the newest report in the history."""
-    reports: Ints
-    """(rows,) number of kept reports."""
-    t_s: Floats
-    """(rows, kept) time of each kept report."""
-    tracks: Floats
-    """(rows, kept, k, 3) x_m, y_m, yaw_rad of each kept report, and of its forecast for each second after it."""
-    floor: Floats
-    """(rows, kept) floor of each kept report."""
-    half_m: Floats
-    """(2, rows) half length and half width."""
-    levels_m: Floats
-    """(2, rows) bottom and top."""
-    vendor: Ints
-    """(rows,)"""
-    ways: Floats
-    """(rows, k, 3) the newest forecast by which the robot moves."""
-    has_way: Bools
-    """(rows,)"""
-
-
-_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
-KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (
-        *[_INTS] * 2,
-        _MATRIX,
-        numba.float64[:, :, :, ::1],
-        *[_MATRIX] * 3,
-        _INTS,
-        numba.float64[:, :, ::1],
-        numba.boolean[::1],
-    ),
-    KnownRobots,
-)
-"""The type of `KnownRobots` in kernels."""
 
 
 class LosingRobot(NamedTuple):
@@ -301,19 +260,12 @@ def find_blocker(robots: KnownRobots, losing: LosingRobot) -> tuple[int, bool]:
     """The robot in the way of another one, and whether it is on it rather than only crossing it; `NOBODY` if there is
     none."""
     slot, t_s = losing.slot, losing.end_s
-    floor = robots.floor[slot, robots.newest[slot]]
     x, y, yaw = pose_of(robots, slot, t_s)
     best, blocker = inf, NOBODY
     best_crossing, crossing = inf, NOBODY
     best_near, near = inf, NOBODY
-    for other in range(len(robots.newest)):
-        if other == slot or robots.reports[other] == 0:
-            continue
-        newest = robots.newest[other]
-        here = robots.tracks[other, newest, 0]
-        if abs(here[0] - x) > NEAR_M or abs(here[1] - y) > NEAR_M or robots.floor[other, newest] != floor:
-            continue
-        if t_s - robots.t_s[other, newest] > SILENT_S:
+    for other in np.sort(nearest_rows(robots, slot, x, y, NEAR_M)):
+        if t_s - robots.t_s[other, robots.newest[other]] > SILENT_S:
             continue
         other_x, other_y, other_yaw = pose_of(robots, other, t_s)
         ahead_m = (other_x - x) * cos(yaw) + (other_y - y) * sin(yaw)

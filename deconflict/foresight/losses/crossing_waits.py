@@ -6,12 +6,11 @@ from typing import Any
 from deconflict.foresight.losses.blockers import (
     CROSSES_RAD,
     TOUCHES_M,
-    KnownRobots,
     LosingRobot,
     find_blocker,
     way_ahead,
 )
-from deconflict.foresight.losses.losing import APART_S, RESTS, STANDS_M, Losing
+from deconflict.foresight.losses.losing import APART_S, RESTS, STANDS_M, KnownRobots, Losing, nearest_rows
 from deconflict.foresight.losses.loss import NOBODY
 from deconflict.foresight.motion_assumptions import CROSSING_M, CROSSING_S
 from deconflict.sweep.geometry.envelope_distances import rectangle_gap
@@ -89,11 +88,9 @@ def _is_free(robots: KnownRobots, slot: int, other: int) -> bool:
 
 @inner
 def _may_meet(robots: KnownRobots, slot: int, other: int) -> bool:
-    """Whether two robots of two vendors, both heard lately, are near each other on one floor and at one height."""
+    """Whether two robots of one floor, both heard lately, are of two vendors, near each other and at one height."""
     newest, others_newest, levels_m = robots.newest[slot], robots.newest[other], robots.levels_m
     if robots.vendor[slot] == robots.vendor[other]:
-        return False
-    if robots.floor[slot, newest] != robots.floor[other, others_newest]:
         return False
     if abs(robots.t_s[slot, newest] - robots.t_s[other, others_newest]) > APART_S:
         return False
@@ -110,16 +107,14 @@ def mutual_wait(robots: KnownRobots, states: Losing, slot: int) -> int:
     now_s = robots.t_s[slot, robots.newest[slot]]
     if not _has_stood(robots, states, slot, now_s):
         return NOBODY
-    way, found, least_m = _standing_way(robots, slot), NOBODY, inf
-    for other in range(len(robots.newest)):
-        if other == slot or robots.reports[other] == 0 or not _has_stood(robots, states, other, now_s):
+    way, found = _standing_way(robots, slot), NOBODY
+    for other in nearest_rows(robots, slot, way[0, 0], way[0, 1], 2 * CROSSING_M):
+        may_meet = _has_stood(robots, states, other, now_s) and _may_meet(robots, slot, other)
+        if not may_meet or states[other].blocker not in (NOBODY, slot):
             continue
-        if not _may_meet(robots, slot, other) or (states[other].blocker not in (NOBODY, slot)):
-            continue
-        there = robots.tracks[other, robots.newest[other], 0]
-        away_m = hypot(there[0] - way[0, 0], there[1] - way[0, 1])
-        if away_m < least_m and _ways_cross(robots, slot, way, other, _standing_way(robots, other)):
-            found, least_m = other, away_m
+        if _ways_cross(robots, slot, way, other, _standing_way(robots, other)):
+            found = other
+            break
     if found == NOBODY or not _is_free(robots, slot, found) or not _is_free(robots, found, slot):
         return NOBODY
     return found

@@ -1,10 +1,14 @@
-"""What is kept of each robot while it may lose time, and what was lost."""
+"""What is known of robots, what is kept of each while it may lose time, and what was lost."""
 
-from typing import Any
+from math import hypot
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from ingest.batch import Bools, Floats, Ints
+from ingest.kernels import inner
 
 RESTS, WAITS, GOES, HALTS = range(4)
 """What a robot says of itself: it is not on its way, it waits, it is on its way, or it waits and does not name its
@@ -15,6 +19,8 @@ STANDS_M = 0.05
 """A robot that came less far stands."""
 APART_S = 6.0
 """Reports further apart do not tell how much time was lost."""
+MOST_NEAR = 32
+"""No more bodies than this have room so near to one that they matter: the nearest are looked at."""
 
 LOSING = np.dtype(
     [
@@ -58,3 +64,60 @@ LostTimes = NDArray[Any]
 """Of `LOST`."""
 LOSING_TYPE, LOST_TYPE = (numba.from_dtype(dtype)[::1] for dtype in (LOSING, LOST))
 """The types of both in kernels."""
+
+
+class KnownRobots(NamedTuple):
+    """What is known of all robots that do not rest, by row."""
+
+    newest: Ints
+    """(rows,) place of the newest report in the history."""
+    reports: Ints
+    """(rows,) number of kept reports."""
+    t_s: Floats
+    """(rows, kept) time of each kept report."""
+    tracks: Floats
+    """(rows, kept, k, 3) x_m, y_m, yaw_rad of each kept report, and of its forecast for each second after it."""
+    floor: Floats
+    """(rows, kept) floor of each kept report."""
+    half_m: Floats
+    """(2, rows) half length and half width."""
+    levels_m: Floats
+    """(2, rows) bottom and top."""
+    vendor: Ints
+    """(rows,)"""
+    ways: Floats
+    """(rows, k, 3) the newest forecast by which the robot moves."""
+    has_way: Bools
+    """(rows,)"""
+
+
+_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
+KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
+    (
+        *[_INTS] * 2,
+        _MATRIX,
+        numba.float64[:, :, :, ::1],
+        *[_MATRIX] * 3,
+        _INTS,
+        numba.float64[:, :, ::1],
+        numba.boolean[::1],
+    ),
+    KnownRobots,
+)
+"""The type of `KnownRobots` in kernels."""
+
+
+@inner
+def nearest_rows(robots: KnownRobots, slot: int, x_m: float, y_m: float, reach_m: float) -> Ints:
+    """(n,) the rows of the `MOST_NEAR` robots that are nearest to a place by their newest reports, the nearest first:
+    on the floor of a robot, itself left out, and no farther from the place along x or y than `reach_m`."""
+    rows, away_m, n = np.empty(len(robots.newest), np.int64), np.empty(len(robots.newest)), 0
+    floor = robots.floor[slot, robots.newest[slot]]
+    for other in range(len(robots.newest)):
+        if other == slot or robots.reports[other] == 0 or robots.floor[other, robots.newest[other]] != floor:
+            continue
+        here = robots.tracks[other, robots.newest[other], 0]
+        if abs(here[0] - x_m) <= reach_m and abs(here[1] - y_m) <= reach_m:
+            rows[n], away_m[n] = other, hypot(here[0] - x_m, here[1] - y_m)
+            n += 1
+    return rows[:n][np.argsort(away_m[:n], kind="mergesort")[:MOST_NEAR]]

@@ -12,8 +12,7 @@ from deconflict.foresight.history_rows import with_rows
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.report_progress import interaction_reports
-from deconflict.foresight.losses.blockers import KnownRobots
-from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS
+from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS, KnownRobots
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states

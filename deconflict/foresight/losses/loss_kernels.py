@@ -14,18 +14,12 @@ from typing import Any
 import numba
 import numpy as np
 
-from deconflict.foresight.losses.blockers import (
-    FARTHEST_M,
-    KNOWN,
-    KnownRobots,
-    LosingRobot,
-    find_blocker,
-    way_ahead,
-)
+from deconflict.foresight.losses.blockers import FARTHEST_M, LosingRobot, find_blocker, way_ahead
 from deconflict.foresight.losses.crossing_waits import mutual_wait, note_standing
 from deconflict.foresight.losses.losing import (
     APART_S,
     GOES,
+    KNOWN,
     LOSING_TYPE,
     LOST,
     LOST_TYPE,
@@ -33,6 +27,7 @@ from deconflict.foresight.losses.losing import (
     ORDER,
     STANDS_M,
     WAITS,
+    KnownRobots,
     Losing,
     LostTimes,
 )

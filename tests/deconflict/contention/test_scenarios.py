@@ -2,10 +2,12 @@
 
 import re
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import pytest
 
+from deconflict.contention.waiting import blockages, wait_graph
 from deconflict.settings.shared_places import Zone
 from deconflict_client.advisory import BlockageAdvisory, ContentionAdvisory, DeadlockAdvisory
 from ingest.settings import Vendor
@@ -292,6 +294,26 @@ def test_a_blockage_names_the_blocker_and_all_robots_it_holds_up() -> None:
     assert last.holds_up == (robot("B"), robot("C"))
     assert 18 < after_s(advisory) < 24, "as soon as B's path reaches A"
     assert "Alder A has stood for" in advisory.summary
+
+
+@pytest.mark.parametrize(
+    ("bounds", "blockers", "held_up"),
+    [({}, "AD", "BC"), ({(wait_graph, "MOST_IN_WAY"): 1}, "A", "BC"), ({(blockages, "MOST_HELD_UP"): 1}, "AD", "B")],
+)
+def test_a_robot_is_held_up_by_the_nearest_and_holds_up_the_next(
+    bounds: dict[tuple[ModuleType, str], int], blockers: str, held_up: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for (module, name), most in bounds.items():
+        monkeypatch.setattr(module, name, most)
+    robots = {
+        "A": Script([(0, 0, 0)], state=lambda _: "waitingHumanEvent"),
+        "B": Script([(0, -30, 0), (28, -2, 0)], means=[(0, -30, 0), (60, 30, 0)], vendor="Corvid"),
+        "C": Script([(0, -34, 0), (30, -4, 0)], means=[(0, -34, 0), (60, 26, 0)]),
+        "D": Script([(0, 3, 0)], state=lambda _: "waitingHumanEvent"),
+    }
+    found = [each for each in Scene(site(), robots).run(40) if isinstance(each, BlockageAdvisory)]
+    assert {each.blocker for each in found} == set(map(robot, blockers))
+    assert [each for each in found if each.blocker == robot("A")][-1].holds_up == tuple(map(robot, held_up))
 
 
 def test_a_robot_without_a_path_is_held_up_only_by_what_is_just_ahead() -> None:

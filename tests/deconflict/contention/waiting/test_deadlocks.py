@@ -4,6 +4,7 @@ from collections import Counter
 from itertools import pairwise
 from math import inf
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,8 +26,9 @@ def test_two_that_want_each_others_place_are_a_ring_without_their_follower() -> 
     assert who(rings([want("a", "b"), want("b", "a"), want("c", "a")])) == ["ab"]
 
 
-def test_a_chain_is_no_ring() -> None:
-    assert rings([want("a", "b"), want("b", "c")]) == []
+@pytest.mark.parametrize("robots", [3, 20_000])
+def test_a_chain_is_no_ring_however_long(robots: int) -> None:
+    assert rings([want(str(number), str(number + 1)) for number in range(robots)]) == []
 
 
 def test_one_free_holder_of_several_places_is_enough() -> None:
