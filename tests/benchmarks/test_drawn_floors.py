@@ -8,9 +8,9 @@ import pytest
 from benchmarks.drawn_floors.driving import Drive, Warned, drive
 from benchmarks.drawn_floors.figures import MOST_RATIO
 from benchmarks.drawn_floors.floor import drawn_floor, honest_floor
-from benchmarks.drawn_floors.judging import compared, meetings
+from benchmarks.drawn_floors.judging import compared, meetings, told_of
 from benchmarks.drawn_floors.measuring import Terms, measured, reference
-from benchmarks.drawn_floors.motion import Robot, Way, sent_by
+from benchmarks.drawn_floors.motion import Robot, Says, Way, sent_by
 from benchmarks.drawn_floors.others import KINDS
 from deconflict_client.advisory import Severity
 
@@ -59,6 +59,22 @@ def test_every_meeting_of_honest_robots_alone_is_told_of() -> None:
     assert (verdict.differ, verdict.missed, verdict.told_beside) == (0, 0, verdict.told_alone)
 
 
+@pytest.mark.parametrize("says", ["nothing", "waits", "bound"])
+def test_a_robot_is_warned_of_one_that_stands_whatever_that_one_says_of_its_way(says: Says) -> None:
+    """It says nothing, that it goes on at once in one of eight directions, or that it goes to the dock."""
+    standing, driving, seconds = list[Robot](), list[Robot](), 30.0
+    for number in range(8):
+        x_m, yaw_rad = 60.0 * number, np.pi / 4 * number
+        to_m = np.array([[x_m - 24.0, 0.3], [x_m + 12.0, 0.3]])
+        standing.append(replace(_standing(f"standing {number}", x_m, is_honest=True, yaw_rad=yaw_rad), says=says))
+        driving.append(replace(_standing(f"driving {number}", 0.0, is_honest=True), way=Way.driven(to_m, 1.0)))
+    both = *standing, *driving
+    driven = drive(both, sent_by(both, seconds), seconds)
+    found = meetings(driving, standing, 10.0, seconds)
+    assert len(found) == 8
+    assert [told_of(meeting, driven) is not None for meeting in found] == [True] * 8
+
+
 @pytest.mark.parametrize(
     ("beside", "found"),
     [
@@ -93,5 +109,5 @@ def test_a_meeting_begins_when_bodies_come_within_the_clearance() -> None:
     assert meeting.at_s == pytest.approx(10.0 - 1.0 - 0.3, abs=0.2)
 
 
-def _standing(name: str, x_m: float, *, is_honest: bool) -> Robot:
-    return Robot(name, "Alder", "10.1.0.1", Way.standing(x_m, 0.0), 1.0, 0.6, 0.5, is_honest=is_honest)
+def _standing(name: str, x_m: float, *, is_honest: bool, yaw_rad: float = 0.0) -> Robot:
+    return Robot(name, "Alder", "10.1.0.1", Way.standing(x_m, 0.0, yaw_rad), 1.0, 0.6, 0.5, is_honest=is_honest)

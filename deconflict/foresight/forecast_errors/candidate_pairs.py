@@ -36,13 +36,23 @@ def _set_places(
 
 
 @inner
-def _nearing(places: Floats, a: int, b: int, within: float) -> int:
-    """The first of the seconds at which two robots are within a distance of each other; -1 if they never are."""
+def _are_near(a: Floats, b: Floats, within: float) -> bool:
+    """Whether two places (3,) are on one floor, and within a distance of each other."""
+    dx, dy = a[0] - b[0], a[1] - b[1]
+    return bool(a[2] == b[2] and a[2] >= 0.0 and dx * dx + dy * dy <= within * within)
+
+
+@inner
+def _nearing(places: Floats, a: int, b: int, within: float, waits: Bools) -> int:
+    """The first of the seconds at which two robots are within a distance of each other, also if one that waits stays
+    where it is; -1 if they never are."""
     for second in range(places.shape[1]):
-        if places[a, second, 2] == places[b, second, 2] and places[a, second, 2] >= 0.0:
-            dx, dy = places[a, second, 0] - places[b, second, 0], places[a, second, 1] - places[b, second, 1]
-            if dx * dx + dy * dy <= within * within:
-                return second
+        if _are_near(places[a, second], places[b, second], within):
+            return second
+        if waits[a] and _are_near(places[a, 0], places[b, second], within):
+            return second
+        if waits[b] and _are_near(places[a, second], places[b, 0], within):
+            return second
     return -1
 
 
@@ -66,7 +76,7 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
 
 @kernel(
     numba.int64[:, ::1](
-        *[numba.boolean[::1]] * 2,
+        *[numba.boolean[::1]] * 3,
         *[_INTS] * 2,
         _MATRIX,
         _FLOATS,
@@ -80,6 +90,7 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
 def find_pairs(
     has_news: Bools,
     is_left_out: Bools,
+    waits: Bools,
     slots: Ints,
     rank: Ints,
     around: Floats,
@@ -91,7 +102,8 @@ def find_pairs(
     rounding_m: float,
 ) -> Ints:
     """(p, 3) pairs of `slots` (n,) that come near each other at any of the whole seconds, and the first of these. Each
-    pair comes once, the lower in `rank` first. At least one robot of each pair `has_news`, and none `is_left_out`.
+    pair comes once, the lower in `rank` first. At least one robot of each pair `has_news`, and none `is_left_out`. One
+    that `waits` may stay where it is.
 
     Near means within the `reach` of both plus half of each one's longest step. Only robots whose boxes `around`, grown
     so, overlap are compared in time: they are in neighbouring cells.
@@ -122,7 +134,7 @@ def find_pairs(
                 if is_beyond | is_left_out[beside] | (has_news[beside] & (beside <= slot)):
                     continue
                 _set_places(places, near, reach, newest, track, beside, now_s)
-                first = _nearing(places, slot, beside, near[slot] + near[beside])
+                first = _nearing(places, slot, beside, near[slot] + near[beside], waits)
                 if first >= 0:
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))

@@ -119,6 +119,7 @@ class PendingForecasts:
         self,
         has_news: Bools,
         is_left_out: Bools,
+        waits: Bools,
         slots: Ints,
         rank: Ints,
         reach_m: Floats,
@@ -126,10 +127,12 @@ class PendingForecasts:
         horizon_s: float,
     ) -> Ints:
         """(p, 3) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon, and the
-        first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; the lower in `rank`
-        comes first. These arrays are by slot."""
+        first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; one that `waits` may
+        stay where it is. The lower in `rank` comes first. These arrays are by slot."""
         seconds, reports = int(horizon_s) + 1, (self._history.around, reach_m, self.newest, self.track)
-        return candidate_pairs.find_pairs(has_news, is_left_out, slots, rank, *reports, now_s, seconds, ROUNDING_M)
+        return candidate_pairs.find_pairs(
+            has_news, is_left_out, waits, slots, rank, *reports, now_s, seconds, ROUNDING_M
+        )
 
     def turn(self, next_index: Ints) -> None:
         """Have the next forecast of each row (rows,) come at this place, after the same ones as before."""

@@ -9,6 +9,7 @@ from deconflict.foresight.forecast_errors.pending_forecasts import PendingForeca
 from deconflict.foresight.probability.error_band_kernels import reach_m
 from deconflict.foresight.probability.pair_table import Pairs, codes, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
+from deconflict.foresight.probability.waiting_robots import are_waiting
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.pair_choice import PAIRS, Claims, PairNeeds, Sharers, chosen_pairs
 from ingest.batch import Bools, Floats, Ints, Pair
@@ -74,7 +75,7 @@ class PairCandidates:
         near_m = reach_m(bands_m, *columns, self._clearance_m / 2, self._horizon_s, MOST_GROWN_M)
         trains, reaches_m = robots.trailers.reaches_m()
         near_m[trains] += np.maximum(reaches_m - np.hypot(*robots.half_m[:, trains]), 0.0)
-        marks = has_news, robots.is_crowded()
+        marks = has_news, robots.is_crowded(), are_waiting(robots.records)
         found = pending.candidate_pairs(*marks, slots, robots.rank, near_m, now_s, self._horizon_s)
         a, b = found[:, 0], found[:, 1]
         found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]

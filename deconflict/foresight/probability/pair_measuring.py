@@ -56,10 +56,11 @@ class PairMeasuring:
         exact = (swept_rows, swept.separation_m, swept.separation_at_s, swept.contact_s)
         of_robots = (bands_m, robots.records, self._pending.newest)
         sds = measure_overlaps(pairs, rows, a, b, *exact, poses, apart_m, *of_robots, ahead_s, now_s, bounds)
-        share = shares_over_starts(
+        starts = shares_over_starts(
             normal_shares(sds), a, b, robots,
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,
             now_s=now_s, ahead_s=ahead_s, horizon_s=bounds.horizon_s, clearance_m=bounds.clearance_m,
         )  # fmt: skip
-        pairs["share"][rows] = share[0]
-        pairs["features"][rows, 1:3] = log_odds(share).T
+        pairs["near_s"][rows[starts.rows]], pairs["near_m"][rows[starts.rows]] = starts.near_s, starts.near_m
+        pairs["share"][rows] = starts.share[0]
+        pairs["features"][rows, 1:3] = log_odds(starts.share).T

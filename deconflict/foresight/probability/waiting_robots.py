@@ -1,6 +1,8 @@
 """Robots that stand although their forecasts say that they go: how a late start changes what is expected of their
 pairs."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
@@ -13,6 +15,19 @@ from ingest.batch import Bools, Floats, Ints
 NO_PAST: Floats = np.empty(0)
 LONGEST_GAP_S = 5.0
 """Reports further apart do not tell when a robot started."""
+
+
+class LateStarts(NamedTuple):
+    """What late starts change of n pairs."""
+
+    share: Floats
+    """(2, n) shares of the error distribution within the clearance, averaged over the times at which a robot starts."""
+    rows: Ints
+    """(k,) the pairs that most probably come near because one of the two starts late."""
+    near_s: Floats
+    """(k,) when they then first come within the clearance, or are nearest; seconds since the epoch."""
+    near_m: Floats
+    """(k,) their smallest separation."""
 
 
 def are_waiting(robots: Robots) -> Bools:
@@ -55,9 +70,8 @@ def shares_over_starts(
     ahead_s: Floats,
     horizon_s: float,
     clearance_m: float,
-) -> Floats:
-    """(2, n) shares of the error distribution of the pairs `a` and `b` (n,), averaged over the times at which a waiting
-    robot may start.
+) -> LateStarts:
+    """What is expected of the pairs `a` and `b` (n,) over the times at which a waiting robot may start.
 
     `share` (2, n) is that of the forecasts as sent. It is kept for pairs of which both robots wait, or neither.
     `is_blocked` (slots,) is whether a robot has to wait for another one.
@@ -66,7 +80,7 @@ def shares_over_starts(
     waiting = are_waiting(robots)
     rows = np.flatnonzero(waiting[a] ^ waiting[b])
     if not len(rows):
-        return share
+        return LateStarts(share, rows, NO_PAST, NO_PAST)
     waiter = np.where(waiting[a[rows]], a[rows], b[rows])
     stood_s = now_s - robots["stood_since_s"][waiter]
     weights = start_times.weights(robots["kind"][waiter], is_blocked[waiter], stood_s)
@@ -79,4 +93,10 @@ def shares_over_starts(
     late = normal_shares(sds).reshape(2, len(rows), len(delays_s))
     result = share.copy()
     result[:, rows] = weights[:, 0] * share[:, rows] + (late * weights[:, 1:]).sum(axis=2)
-    return result
+    likely = (late * weights[:, 1:])[0]
+    is_late = likely.max(axis=1) > weights[:, 0] * share[0, rows]
+    chosen = np.arange(len(rows)) * len(delays_s) + likely.argmax(axis=1)
+    left_m = np.where(poses.is_same_floor, apart_m, np.inf)[chosen[is_late]]
+    near_m = left_m.min(axis=1)
+    first = (left_m <= np.maximum(clearance_m, near_m)[:, None]).argmax(axis=1)
+    return LateStarts(result, rows[is_late], now_s + ahead_s[first], np.maximum(near_m, 0.0))

@@ -145,7 +145,7 @@ def test_another_robot_in_a_slot_has_no_pending_forecasts() -> None:
 
 
 def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
-    """On random ways, and with reports of different ages."""
+    """On random ways, with reports of different ages; a robot that waits may also stay."""
     pending, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
     t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):
@@ -153,19 +153,21 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
         forecasts.append(robot([t - slot % 5 for t in t_s], x_m, y_m, 0.0, (1.0, 0.5)))
         add_report(pending, forecasts[-1], slot)
     slots, result, reach_m = np.arange(robots - 2), np.arange(robots) % 3 == 0, rng.uniform(0.2, 1.5, robots)
-    rank = rng.permutation(robots)
-    found = pending.candidate_pairs(result, np.zeros(robots, bool), slots, rank, reach_m, NOW_S + 1.3, 10.0)
+    rank, waits = rng.permutation(robots), rng.random(robots) < 0.25
+    found = pending.candidate_pairs(result, np.zeros(robots, bool), waits, slots, rank, reach_m, NOW_S + 1.3, 10.0)
     until_s = np.array([forecast.t_s[0] for forecast in forecasts])[:, None] + TRACK_S
     at_s = np.minimum(NOW_S + 1.3 + np.arange(11.0), until_s)
     way = np.concatenate([poses_at(forecasts, s[:1], s - s[0]) for forecasts, s in zip(forecasts, at_s, strict=True)])[
         ..., :2
     ]
     step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
+    stay = np.where(waits[:, None, None], way[:, :1], way)
     near = {
         (a, b)
         for a, b in combinations(slots.tolist(), 2)
+        for ways in ((way[a], way[b]), (stay[a], way[b]), (way[a], stay[b]))
         if (result[a] or result[b])
-        and (np.hypot(*(way[a] - way[b]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
+        and (np.hypot(*(ways[0] - ways[1]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
     assert sorted((min(pair), max(pair)) for *pair, _ in found.tolist()) == sorted(near)
     assert np.all(rank[found[:, 0]] < rank[found[:, 1]])
@@ -177,7 +179,7 @@ def test_robots_on_different_floors_do_not_come_near() -> None:
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         add_report(pending, replace(there, floor=np.full(2, floor)), slot)
-    args = (np.ones(4, bool), np.zeros(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
+    args = (np.ones(4, bool), *[np.zeros(4, bool)] * 2, np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
     assert pending.candidate_pairs(*args).tolist() == []
     add_report(pending, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
     assert sorted(pending.candidate_pairs(*args)[0, :2].tolist()) == [0, 1]
