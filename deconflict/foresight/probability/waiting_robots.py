@@ -82,21 +82,24 @@ def shares_over_starts(
     if not len(rows):
         return LateStarts(share, rows, NO_PAST, NO_PAST)
     waiter = np.where(waiting[a[rows]], a[rows], b[rows])
-    stood_s = now_s - robots["stood_since_s"][waiter]
-    weights = start_times.weights(robots["kind"][waiter], is_blocked[waiter], stood_s)
+    weights = start_times.weights(robots["kind"][waiter], is_blocked[waiter], now_s - robots["stood_since_s"][waiter])
     delays_s = LATE_S[1:]
     each_a, each_b = np.repeat(a[rows], len(delays_s)), np.repeat(b[rows], len(delays_s))
     late_s = np.where(waiting[np.stack([each_a, each_b])], np.tile(delays_s, len(rows)), 0.0)
     looks = Looks(NO_PAST, ahead_s, now_s, late_s)
     poses, apart_m = tracked.relative_poses(pending.history, each_a, each_b, looks)
     sds = most_sds(each_a, each_b, apart_m, poses.is_same_floor, bands_m, robots, ahead_s, horizon_s, clearance_m)
-    late = normal_shares(sds).reshape(2, len(rows), len(delays_s))
+    late = normal_shares(sds).reshape(2, len(rows), len(delays_s)) * weights[:, 1:]
     result = share.copy()
-    result[:, rows] = weights[:, 0] * share[:, rows] + (late * weights[:, 1:]).sum(axis=2)
-    likely = (late * weights[:, 1:])[0]
-    is_late = likely.max(axis=1) > weights[:, 0] * share[0, rows]
-    chosen = np.arange(len(rows)) * len(delays_s) + likely.argmax(axis=1)
-    left_m = np.where(poses.is_same_floor, apart_m, np.inf)[chosen[is_late]]
-    near_m = left_m.min(axis=1)
-    first = (left_m <= np.maximum(clearance_m, near_m)[:, None]).argmax(axis=1)
-    return LateStarts(result, rows[is_late], now_s + ahead_s[first], np.maximum(near_m, 0.0))
+    result[:, rows] = weights[:, 0] * share[:, rows] + late.sum(axis=2)
+    is_late = late[0].max(axis=1) > weights[:, 0] * share[0, rows]
+    apart_m = np.where(poses.is_same_floor, apart_m, np.inf).reshape(*late[0].shape, -1)
+    look, near_m = _first_near(apart_m[is_late, late[0].argmax(axis=1)[is_late]], clearance_m)
+    return LateStarts(result, rows[is_late], now_s + ahead_s[look], near_m)
+
+
+def _first_near(apart_m: Floats, within_m: float) -> tuple[Ints, Floats]:
+    """(n,) the first of the m looks at which pairs `apart_m` (n, m) are `within_m`, or nearest if they never are; and
+    (n,) their smallest separation."""
+    near_m = np.maximum(apart_m.min(axis=1), 0.0)
+    return (apart_m <= np.maximum(near_m, within_m)[:, None]).argmax(axis=1), near_m

@@ -179,7 +179,7 @@ def test_robots_on_different_floors_do_not_come_near() -> None:
     for slot, floor in enumerate((0, 1, -1, -1)):
         there = straight(NOW_S, 0.0, 0.0, 0.0)
         add_report(pending, replace(there, floor=np.full(2, floor)), slot)
-    args = (np.ones(4, bool), *[np.zeros(4, bool)] * 2, np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
+    args = (np.ones(4, bool), np.zeros(4, bool), np.zeros(4, bool), np.arange(4), np.arange(4), np.ones(4), NOW_S, 10.0)
     assert pending.candidate_pairs(*args).tolist() == []
     add_report(pending, straight(NOW_S + 1, 0.0, 0.0, 0.0), 1)
     assert sorted(pending.candidate_pairs(*args)[0, :2].tolist()) == [0, 1]
