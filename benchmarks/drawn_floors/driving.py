@@ -77,6 +77,8 @@ class Warned:
     severity: Severity
     """The highest so far."""
     cleared_s: float = np.inf
+    at_m: tuple[float, float] = (np.nan, np.nan)
+    """Where the newest revision says that they meet."""
 
 
 @dataclass(slots=True)
@@ -169,6 +171,7 @@ def _note(warnings: dict[Pair, list[Warned]], revisions: Sequence[AnyAdvisory], 
             of_pair.append(Warned(now_s, revision.severity))
         newest = of_pair[-1]
         newest.severity = max(newest.severity, revision.severity, key=SEVERITIES.index)
+        newest.at_m = revision.location.x, revision.location.y
         if revision.state is AdvisoryState.CLEARED:
             newest.cleared_s = now_s
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.drawn_floors.driving import Drive, Warned
 from benchmarks.drawn_floors.floor import Floor
-from benchmarks.drawn_floors.motion import PATH_S, Poses, Robot
+from benchmarks.drawn_floors.motion import PATH_S, WAITS_MPS, Poses, Robot
 from benchmarks.drawn_floors.others import LARGEST_M
 from ingest.batch import Bools, Floats, Ints, Pair
 
@@ -227,8 +227,9 @@ def _rectangles(robot: Robot, times_s: Floats, seconds: float) -> tuple[Any, ...
         _stretched(rows, truth, length_m, width_m),
         _stretched(rows, believed, length_m + grown_m, width_m + grown_m),
     ]
-    if robot.says in ("straight", "waits"):
+    if robot.says in ("straight", "waits", "bound"):
         poses = robot.forecasts(reports_s)
+        poses = poses._replace(speed_mps=np.maximum(poses.speed_mps, WAITS_MPS))
         for ahead_s in range(PATH_S + 1):
             there = Poses(*(column[:, ahead_s] for column in poses))
             at = np.minimum(np.searchsorted(times_s, reports_s + ahead_s), len(times_s) - 1)

@@ -123,6 +123,11 @@ class Robot:
         if self.says == "path":
             return self.way.at(t_s[:, None] + ahead_s)
         now = Poses(*(column[:, None] for column in self.way.at(t_s)))
+        if self.says == "bound":
+            left_m = np.hypot(DOCK_M[0] - now.x_m, DOCK_M[1] - now.y_m)
+            share = np.minimum(WAITS_MPS * ahead_s / np.maximum(left_m, WAITS_MPS), 1.0)
+            x_m, y_m = (at_m + share * (dock_m - at_m) for at_m, dock_m in zip(now[:2], DOCK_M, strict=True))
+            return Poses(*np.broadcast_arrays(x_m, y_m, now.yaw_rad, now.speed_mps))
         path_mps = {"straight": now.speed_mps, "waits": np.maximum(now.speed_mps, WAITS_MPS)}.get(self.says, 0.0)
         gone_m = path_mps * ahead_s + 0.0 * now.speed_mps
         x_m, y_m = now.x_m + gone_m * np.cos(now.yaw_rad), now.y_m + gone_m * np.sin(now.yaw_rad)

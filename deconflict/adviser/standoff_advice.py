@@ -144,10 +144,9 @@ class StandoffAdvice:
         self._observe_standing(now_s)
         self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        # Those that wait for a place for longest come first.
-        for ring in sorted(self._standing.rings, key=lambda ring: max(map(self._goals.searched_s, ring))):
+        for ring in sorted(self._standing.rings, key=self._goals.turn):
             changed += self._for_ring(ring, robots, now_s)
-        for waiting in self._standing.waiting.values():
+        for waiting in sorted(self._standing.waiting.values(), key=lambda each: self._goals.comes_later(each.robot)):
             is_in_ring = waiting.robot in self._standing.in_rings
             stood_s = now_s - waiting.both_since_s
             if not is_in_ring and stood_s >= STANDS_S:
@@ -274,6 +273,8 @@ class StandoffAdvice:
         self, kind: str, stood_s: float, options: Iterable[Option], robots: RobotTable, now_s: float
     ) -> Iterator[Request]:
         """Ask for the first option that saves something. The robots have stood for `stood_s`."""
+        if self._goals.is_spent(option.robot for option in options):
+            return
         found = []
         for option in options:
             vendor, (yielding, other) = robots[option.robot].vendor, (robots[uuid].vendor for uuid in option.yields)

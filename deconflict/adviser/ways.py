@@ -10,6 +10,7 @@ from deconflict.contention.robots.lookahead import STEP_S
 from deconflict.contention.robots.record_kernels import Records, steps_along
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.sweep.geometry.heights import heights_overlap
+from deconflict.sweep.pair_choice import nearest_of_each
 from ingest.batch import Bools, Floats, Ints
 
 REACH_M = 2.2
@@ -22,6 +23,7 @@ WITHIN_S = 5.0
 WAITING = "waitingExternalEvent"
 """State of a robot that would go on, but for something around it."""
 LEAST_WAY_M = 0.1
+MOST_MET = 64
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""
 
@@ -148,11 +150,14 @@ class Meeting(NamedTuple):
 
 
 def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
-    """Where ways meet, each pair once."""
+    """Where ways meet, each pair once: of each way with the `MOST_MET` nearest."""
     outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
     row, other = touching_boxes(outer, outer).T
     chosen = (row < other) & can_meet(robots, ways.slots[row], ways.slots[other])
     row, other = row[chosen], other[chosen]
+    middle_m = (outer[:, :2] + outer[:, 2:]) / 2
+    near = np.sort(nearest_of_each(row, np.hypot(*(middle_m[row] - middle_m[other]).T), MOST_MET))
+    row, other = row[near], other[near]
     mine = Boxes._make(column[row][:, :, None] for column in ways.boxes)
     theirs = Boxes._make(column[other][:, None, :] for column in ways.boxes)
     meet = touch(mine, theirs)

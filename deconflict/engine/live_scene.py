@@ -1,6 +1,7 @@
 """The robots and places around a conflict, as the engine knows them: its `ConflictScene`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
@@ -8,11 +9,12 @@ from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import Presence
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
+from deconflict.foresight.probability.waiting_robots import late_starts
 from deconflict.sweep.geometry.encounter import Encounter, Encounters
 from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
 from deconflict_client.advisory import ClearedCode
-from ingest.batch import Basis, Floats, FloorPoint, Pair
+from ingest.batch import Basis, Floats, FloorPoint, Forecasts, Pair
 from ingest.fleet.owners.vendor_registry import OTHER
 
 MOST_VENDORS = 8
@@ -68,8 +70,17 @@ class LiveScene:
         return robot is not None and (robot.basis is Basis.STATIONARY or self._foresight.is_standing(uuid))
 
     def encounter(self, pair: Pair, contact_s: float) -> Encounter:
-        a, b = (self._live.robots[uuid] for uuid in pair)
-        return encounter((a.batch_forecasts, a.row), (b.batch_forecasts, b.row), contact_s)
+        late_s = late_starts(pair, self._foresight.robots, self._foresight.pairs)
+        a, b = (self._begun_late(uuid, each_s) for uuid, each_s in zip(pair, late_s, strict=True))
+        return encounter(a, b, contact_s)
+
+    def _begun_late(self, uuid: str, late_s: float) -> tuple[Forecasts, int]:
+        """The forecast of a robot that starts by so much later than it says, and its row."""
+        robot = self._live.robots[uuid]
+        if not late_s:
+            return robot.batch_forecasts, robot.row
+        forecast = robot.batch_forecasts.single(robot.row)
+        return replace(forecast, t_s=forecast.t_s + late_s), 0
 
     def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
         return self._sweeper.encounters(pairs, contact_s)

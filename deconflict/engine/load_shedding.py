@@ -21,17 +21,15 @@ class Effort(IntEnum):
 
     FULL = 0
     COARSE = 1
-    """Smallest separations are accurate to 0.25 m, and never too small. Warnings are not judged."""
+    """Smallest separations are accurate to 0.25 m, and never too small."""
     NEAR = 2
-    """Conflicts later than `conflict.warning_s` wait, open ones stand. Queues are looked at every ten seconds. Nothing
-    is asked of robots."""
+    """Conflicts later than `conflict.warning_s` wait, open ones stand; queues are looked at every ten seconds."""
 
 
 LEFT_OUT = {
     Effort.FULL: "nothing is left out any more",
     Effort.COARSE: "smallest separations are given to a quarter of a metre",
-    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, queues are checked every ten seconds, and "
-    "nothing is asked of robots",
+    Effort.NEAR: "conflicts later than conflict.warning_s wait as well, and queues are checked every ten seconds",
 }
 
 log = logging.getLogger(__name__)

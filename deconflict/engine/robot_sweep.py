@@ -78,7 +78,9 @@ class RobotSweep:
         bounds = {"clearance_m": site.conflict.clearance_m, "horizon_s": site.conflict.horizon_s}
         self.sweeper = Sweeper(**bounds, crowds=crowds, claims=claims)
         self._quiet: list[tuple[float, str]] = []
-        """A heap with one entry for each robot that is not dormant: when to look at its silence next, and its UUID."""
+        """A heap of when to look at the silence of robots, and their UUIDs; see `_next_s`."""
+        self._next_s: dict[str, float] = {}
+        """When each robot that is not dormant is looked at next. Its other entries are void."""
         self.dormant: set[str] = set()
 
     def add(self, batch: Batch, new_robots: Iterable[str]) -> None:
@@ -86,11 +88,14 @@ class RobotSweep:
         woken = self.dormant.intersection(batch.robots)
         self.dormant -= woken
         for uuid in woken.union(new_robots):
-            heappush(self._quiet, (self._quiet_s(self._live.robots[uuid]), uuid))
+            self._look_next(uuid, self._quiet_s(self._live.robots[uuid]))
         self._update(batch.robots, batch.forecasts, 2 * batch.doubt_m)
 
     def discard(self, robots: Iterable[str]) -> None:
+        robots = list(robots)
         self.dormant.difference_update(robots)
+        for uuid in robots:
+            self._next_s.pop(uuid, None)
         self.sweeper.discard(robots)
 
     def find_conflicts(self, now_s: float, reach_s: float, accuracy_m: float) -> PairConflicts:
@@ -123,9 +128,9 @@ class RobotSweep:
         """Look at the robots that are due. Returns those that have grown, and those that are dormant from now on."""
         grown, dormant = set(), set()
         while self._quiet and self._quiet[0][0] <= now_s:
-            _, uuid = heappop(self._quiet)
+            due_s, uuid = heappop(self._quiet)
             robot = self._live.robots.get(uuid)
-            if robot is None:
+            if robot is None or self._next_s.get(uuid) != due_s:
                 continue
             next_s = self._quiet_s(robot)
             if next_s <= now_s:
@@ -137,8 +142,12 @@ class RobotSweep:
                     if next_s <= now_s:
                         dormant.add(uuid)
                         continue
-            heappush(self._quiet, (next_s, uuid))
+            self._look_next(uuid, next_s)
         return grown, dormant
+
+    def _look_next(self, uuid: str, at_s: float) -> None:
+        self._next_s[uuid] = at_s
+        heappush(self._quiet, (at_s, uuid))
 
     def _grow(self, robot: LiveRobot, quiet_for_s: float, since_s: float) -> float:
         """Grow the uncertainty of a robot that is quiet since `since_s`. Returns when it grows further; inf if it has

@@ -115,7 +115,10 @@ class EngineRole:
                 stop.wait(RETRY_S)
                 continue
             arrived_s = {} if self._is_first else arrivals_s(batch, time.time())
-            self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            bands_m = engine.foresight.ledger.bands_of(batch)
+            revisions = self._run_pass(engine, batch, pending, arrived_s, timed=request != EVERYTHING)
+            self._advise(engine, batch.now_s)
+            self._judge_pass(engine, batch, bands_m, revisions)
             if canary:
                 self._delivery.add_canary(judged(canary))
             self._is_first = False
@@ -166,22 +169,16 @@ class EngineRole:
         )
 
     def _run_pass(
-        self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool = True
-    ) -> None:
-        """One pass of the engine with all that follows it. `timed` is whether it counts for the deadline."""
-        bands_m, began_s = engine.foresight.ledger.bands_of(batch), time.perf_counter()
-        revisions = self._revise(engine, batch, pending, arrived_s)
-        self._advise(engine, batch.now_s)
-        self._judge_pass(engine, batch, bands_m, revisions)
-        if timed:
-            adapt_effort(self._load, engine.measures, time.perf_counter() - began_s)
-
-    def _revise(self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats]) -> list[AnyAdvisory]:
-        """The revisions of a pass, which are delivered."""
+        self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool
+    ) -> list[AnyAdvisory]:
+        """One pass of the engine, and its revisions. `timed` is whether it counts for the deadline."""
         began_s = time.perf_counter()
         engine.receive(batch)
         revisions = engine.step(batch.now_s, self._load.effort, pending)
-        engine.measures.observe("deconflict_sweep_duration_seconds", [time.perf_counter() - began_s])
+        took_s = time.perf_counter() - began_s
+        engine.measures.observe("deconflict_sweep_duration_seconds", [took_s])
+        if timed:
+            adapt_effort(self._load, engine.measures, took_s)
         self._adviser.count(engine.measures)
         robots = engine.live.robots
         near = [(a, b, batch.now_s, (robots[a].vendor, robots[b].vendor)) for a, b in engine.near_misses]

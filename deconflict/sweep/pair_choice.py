@@ -37,6 +37,14 @@ MOST_OF_CROWD = 3
 _GAP_M, _GAPS, _MOMENTS, _SOURCES, _MOST_TURNS = 0.05, 1 << 18, 1 << 6, 1 << 12, 1 << 12
 
 
+def nearest_of_each(group: Ints, away_m: Floats, most: int) -> Ints:
+    """(k,) the rows of the `most` nearest of each group, of n that belong to `group` (n,) and are `away_m` (n,)."""
+    order = np.lexsort((away_m, group))
+    ordered = group[order]
+    kept: Ints = order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < most]
+    return kept
+
+
 class Claims(Protocol):
     """Which claims robots and pairs have to be examined."""
 

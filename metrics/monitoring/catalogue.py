@@ -322,10 +322,10 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_role_up": gauge("1 if this role of the service answers, else 0.", "role"),
     "deconflict_members": gauge("Members of a cluster that are there; absent without a NATS server.", "part"),
     "deconflict_members_expected": gauge("Members of a cluster that must be there.", "part"),
-    "deconflict_deadlines_missed_total": counter("Passes of the engine, with advice, longer than engine.deadline_s."),
+    "deconflict_deadlines_missed_total": counter("Passes of the engine that took longer than engine.deadline_s."),
     "deconflict_engine_effort_reduced": gauge(
         "What the engine skips because it is overloaded: 0 nothing, 1 exact smallest separations, 2 also conflicts "
-        "later than conflict.warning_s, most checks of queues, and all advice to robots.",
+        "later than conflict.warning_s and most checks of queues.",
     ),
     "deconflict_site_reloads_total": counter(
         "Changed site files, by result: applied, or refused (the old settings stay in use).", "result"

@@ -72,7 +72,9 @@ def test_a_robot_is_warned_of_one_that_stands_whatever_that_one_says_of_its_way(
     driven = drive(both, sent_by(both, seconds), seconds)
     found = meetings(driving, standing, 10.0, seconds)
     assert len(found) == 8
-    assert [told_of(meeting, driven) is not None for meeting in found] == [True] * 8
+    warned = [told_of(meeting, driven) for meeting in found]
+    assert [each is not None for each in warned] == [True] * 8
+    assert all(abs(each.at_m[0] - 60.0 * number) < 1.0 for number, each in enumerate(warned) if each)
 
 
 @pytest.mark.parametrize(

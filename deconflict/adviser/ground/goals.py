@@ -1,6 +1,6 @@
 """Where a robot is sent by what it is asked."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from math import cos, inf, sin
 from typing import NamedTuple
 
@@ -22,6 +22,8 @@ SEARCHED: tuple[Verb, ...] = ("back_out", "step_aside")
 """Verbs for which a place is searched for."""
 SEARCHED_S, SEARCHES = 2.0, 6
 """Where no place was found, it is not searched again for this time; and so many searches in a step."""
+FINDS = 100
+"""So many places, of any verb, are looked for in a step."""
 WHOLE_WAY_M = 20.0
 """A robot makes room where the other, which passes, will not come on the next metres of its way."""
 SIDES: tuple[Side, Side] = ("right", "left")
@@ -46,10 +48,24 @@ class Goals:
         self._tracks = Tracks(self._barred, self.seen)
         self._searched_s: dict[tuple[str, Verb], float] = {}
         """By robot and verb: when a place to go to was searched for."""
-        self._searches_left = SEARCHES
+        self._searches_left, self._finds_left = SEARCHES, FINDS
+        self._left_out: set[str] = set()
+        self._first: set[str] = set()
+        """The robots for which no place was looked for any more, in this step and in the one before."""
 
     def begin_step(self) -> None:
-        self._searches_left = SEARCHES
+        self._searches_left, self._finds_left = SEARCHES, FINDS
+        self._first, self._left_out = self._left_out, set()
+
+    def is_spent(self, robots: Iterable[str]) -> bool:
+        """Whether no more places are looked for in this step. If so, these robots come first in the next one."""
+        if not self._finds_left:
+            self._left_out.update(robots)
+        return not self._finds_left
+
+    def comes_later(self, robot: str) -> bool:
+        """Whether a robot was not left out in the step before."""
+        return robot not in self._first
 
     def receive(self, robots: RobotTable, updated: Iterable[str]) -> None:
         """Robots were updated."""
@@ -62,13 +78,17 @@ class Goals:
             for verb in SEARCHED:
                 self._searched_s.pop((uuid, verb), None)
 
-    def searched_s(self, robot: str) -> float:
-        """When a place for a robot was last searched for."""
-        return max(self._searched_s.get((robot, verb), -inf) for verb in SEARCHED)
+    def turn(self, robots: Collection[str]) -> tuple[bool, float]:
+        """Sorts groups of robots: those that were left out come first, then those that wait for a place for longest."""
+        searched_s = max(self._searched_s.get((robot, verb), -inf) for robot in robots for verb in SEARCHED)
+        return all(map(self.comes_later, robots)), searched_s
 
     def find(self, option: Option, way_rad: float, robots: RobotTable, now_s: float) -> Goal | None:
         """The place of what a robot could be asked for. None if it cannot be asked because there is none. `way_rad` is
         where its way leads where the other is."""
+        if self.is_spent((option.robot,)):
+            return None
+        self._finds_left -= 1
         if option.verb == "go_around":
             return self._beside(option, way_rad, robots)
         if option.verb == "other_way":

@@ -23,7 +23,8 @@ from ingest.measures.measures import Measures
 AGAIN_S = 10.0
 """Advice is worked out again if other robots wait, or after this time."""
 MOST_ADVISED = 50
-"""Of more waiting robots the first have slots advised: the time of an answer grows with their square."""
+"""Of more robots that wait for a group of places the first have slots advised: the time of an answer grows with their
+square."""
 MOST_SOLVED = 2
 """Groups of places in one look; the others keep their advice, or wait for the next look."""
 
@@ -108,7 +109,8 @@ class QueueAdvice:
 
         def place_queues() -> list[PlaceQueue]:
             forecasts = [queues[member].at_height_of(longest) if member in queues else None for member in group]
-            return [self._place_queue(*item, robots) for item in zip(group, forecasts, strict=True)]
+            most = max(MOST_ADVISED // len(group), 1)
+            return [self._place_queue(*item, robots, most) for item in zip(group, forecasts, strict=True)]
 
         return self._advice(tuple(group), place_queues, now_s)
 
@@ -170,8 +172,10 @@ class QueueAdvice:
         self._detours[key] = advice
         return advice
 
-    def _place_queue(self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView]) -> PlaceQueue:
-        entries = forecast.entries[: forecast.inside + MOST_ADVISED] if forecast else ()
+    def _place_queue(
+        self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView], most: int
+    ) -> PlaceQueue:
+        entries = forecast.entries[: forecast.inside + most] if forecast else ()
         requests = tuple(self._request(entry, robots) for entry in entries)
         return PlaceQueue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
 

@@ -18,6 +18,8 @@ REPEAT_S = 30.0
 """A repeated announcement is kept again after this time."""
 MOST_ANNOUNCEMENTS = 32
 """Kept for one destination: a quarter of an hour."""
+MOST_OPEN = 32
+"""Destinations of one robot at which it has not arrived: the newest."""
 FORGET_S = 600.0
 """An arrival that is later than this is given up."""
 ROUNDING_M = 1e-6
@@ -165,6 +167,8 @@ class AnnouncedArrivals:
             is_due = not announcements or now_s - announcements[-1].made_s >= REPEAT_S
             if len(announcements) < MOST_ANNOUNCEMENTS and is_due:
                 announcements.append(Announcement(now_s, t_s))
+        for point in list(open_points)[: max(len(open_points) - MOST_OPEN, 0)]:
+            del open_points[point]
         if open_points or ahead:
             self._open[robot] = open_points
         else:

@@ -14,6 +14,8 @@ from deconflict.contention.robots.record_kernels import OUTLINES, ROBOT, STOP, O
 from ingest.batch import Bools, Destinations, Floats, Ints
 from ingest.kernels import inner, kernel, ready
 
+MOST_STOPS = 20
+"""So many stops of a robot are looked at, the first. The standard allows ten."""
 FASTEST_MPS = 2.0
 """No robot is expected anywhere sooner than at this speed in a straight line."""
 FIRST_WAY_M = 10.0
@@ -55,13 +57,16 @@ def write_stops(
     view: Lookahead,
     corrections: ArrivalCorrections,
     resources: Outlines,
-) -> tuple[Ints, Bools]:
-    """Write where n robots go into `stops`: (n,) how many stops each has, and whether any may be in a resource.
+) -> tuple[Stops, Ints, Bools]:
+    """Write where n robots go into `stops`, which are lengthened if need be. Returns them; (n,) how many stops each
+    robot has, and whether any may be in a resource.
 
     The first stops that a robot is at already are left out. `STOP.resource` is not set yet. `view` begins at `now_s`.
     `floor_numbers` are the table's numbers of the floors of `destinations`.
     """
-    return _write_stops(
+    missing = min(int(np.diff(destinations.start).max()), MOST_STOPS) - stops.shape[1]
+    stops = np.pad(stops, ((0, 0), (0, missing))) if missing > 0 else stops
+    counts, bound = _write_stops(
         stops,
         slots,
         floor_numbers,
@@ -75,6 +80,7 @@ def write_stops(
         resources,
         ARRIVED_M,
     )
+    return stops, counts, bound
 
 
 @kernel(
@@ -107,6 +113,8 @@ def _write_stops(
             away_m = hypot(x_m[k] - view.x_m[row, 0], y_m[k] - view.y_m[row, 0]) if on == at else 0.0
             if counts[row] == 0 and on == at and away_m <= arrived_m:
                 continue
+            if counts[row] == MOST_STOPS:
+                break
             ahead_s = max(t_s[k] - now_s, 0.0)
             stop = stops[slots[row], counts[row]]
             stop.announced_s = t_s[k]

@@ -56,8 +56,8 @@ class RobotTable(Mapping[str, RobotView]):
         """By slot and number; a robot's record says how many it has."""
         self.steps_m = np.zeros((0, STEPS + 1, 2))
         """(slots, STEPS + 1, 2) the path of a robot that moves, or the last path it was on."""
-        self.datums: list[str] = []
-        """Datums of floors by their numbers in records, stops and outlines; floor -1 is not known."""
+        self.datums, self._numbers = list[str](), dict[str, int]()
+        """Datums of floors by their numbers in records, stops and outlines, and the reverse; floor -1 is not known."""
         self._resources = self._outlines(geometry.resource_boxes())
         self._zones = self._outlines(geometry.zone_boxes())
         self._places = list(geometry.resources)
@@ -270,11 +270,10 @@ class RobotTable(Mapping[str, RobotView]):
         destinations = batch.destinations
         if not len(destinations.t_s):
             return np.zeros(len(batch), np.int64), np.zeros(len(batch), np.bool_)
-        missing = int((destinations.start[1:] - destinations.start[:-1]).max()) - self.stops.shape[1]
-        if missing > 0:
-            self.stops = np.pad(self.stops, ((0, 0), (0, missing)))
         places = self._resources
-        return write_stops(self.stops, slots, floor_numbers, destinations, batch.now_s, view, corrections, places)
+        floor = floor_numbers, destinations, batch.now_s, view, corrections, places
+        self.stops, counts, bound = write_stops(self.stops, slots, *floor)
+        return counts, bound
 
     def _grow(self, slots: int) -> None:
         if slots > len(self.records):
@@ -286,9 +285,9 @@ class RobotTable(Mapping[str, RobotView]):
         return self.datums[floor] if floor >= 0 else ""
 
     def _floor_number(self, datum: str) -> int:
-        if datum not in self.datums:
+        if datum not in self._numbers:
             self.datums.append(datum)
-        return self.datums.index(datum)
+        return self._numbers.setdefault(datum, len(self._numbers))
 
     def _outlines(self, boxes_m: Sequence[tuple[str, Floats]]) -> Outlines:
         """Of places, by the boxes (k, 4) of each datum."""

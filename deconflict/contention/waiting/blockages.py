@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from heapq import nsmallest
 
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.wait_graph import Hindrance
 
 MOST_HELD_UP = 50
-"""Of robots that one robot holds up, so many count: those that wait for it directly first, then those behind them."""
+"""Of robots that one robot holds up, so many count: the soonest that wait for it directly, then those behind them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,11 @@ def blockages(in_way: Iterable[Hindrance], robots: Mapping[str, RobotView]) -> l
     for hindrance in in_way:
         behind.setdefault(hindrance.blocker, []).append(hindrance)
         waits.add(hindrance.waiter)
+    behind |= {
+        holder: nsmallest(MOST_HELD_UP, each, lambda hindrance: (hindrance.since_s, hindrance.waiter))
+        for holder, each in behind.items()
+        if len(each) > MOST_HELD_UP
+    }
     found = []
     for blocker in sorted(behind.keys() - waits):
         robot = robots[blocker]

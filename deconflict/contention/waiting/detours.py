@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from heapq import nsmallest
 from math import hypot
 from operator import itemgetter
 
@@ -15,6 +16,8 @@ SPEED_MPS = 1.0
 """Robots are taken to drive from place to place in a straight line at this speed."""
 CLEAR_S = 2.0
 """From when a robot departs until the next one may depart for its place."""
+MOST_MOVES, MOST_REFUGES = 16, 50
+"""Rings of more robots are not planned for, and of more refuges the nearest to a robot come into question."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,17 +66,17 @@ def detour(
 
     The cost is the sum of delays at what the robots want, weighted by priority. The robot that `standing` sent to a
     refuge is sent there again, unless another plan saves `switch_s`. None if robots of the ring wait for more than
-    places, or no refuge is on their floor.
+    places, are too many, or no refuge is on their floor.
     """
     moves = _moves(ring, robots, now_s, priority)
-    if not moves:
+    if not moves or len(moves) > MOST_MOVES:
         return None
     datum = robots[ring[0].waiter].datum
     plans = [
         _plan([*moves[row::-1], *moves[:row:-1]], refuge)
         for row in range(len(moves))
-        for refuge in refuges
-        if refuge.datum == datum and not robots[moves[row].robot].on_foot
+        for refuge in _nearest([refuge for refuge in refuges if refuge.datum == datum], moves[row])
+        if not robots[moves[row].robot].on_foot
     ]
     if not plans:
         return None
@@ -135,6 +138,13 @@ def _depths_m(robot: RobotView, other: RobotView, lane: str, lane_m: float, now_
 def _first_move(advice: Recommendation) -> tuple[str, str]:
     """The robot that moves first, and where to."""
     return advice.slots[0].robot, advice.slots[0].resource
+
+
+def _nearest(refuges: Sequence[Refuge], move: RingMove) -> Sequence[Refuge]:
+    """The `MOST_REFUGES` that are nearest to a robot."""
+    if len(refuges) <= MOST_REFUGES:
+        return refuges
+    return nsmallest(MOST_REFUGES, refuges, lambda refuge: hypot(refuge.x_m - move.at[0], refuge.y_m - move.at[1]))
 
 
 def _moves(

@@ -19,6 +19,7 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import Node, Want
 from deconflict.sweep.geometry.heights import at_one_height, heights_overlap
+from deconflict.sweep.pair_choice import nearest_of_each
 from ingest.batch import Bools, Floats, Ints
 
 WAY_M, HALTED_WAY_M = 1.0, 4.0
@@ -27,11 +28,13 @@ its way for `STANDS_S`, and its state is in `GOES_ON`."""
 GOES_ON = frozenset(("navigating", "waitingExternalEvent"))
 """States of robots that go on once they can."""
 MOST_LEGS = 100
-"""More robots than this wait for no place."""
+"""More robots than this wait for no resource."""
+MOST_BEHIND = 20
+"""More than this wait for no robot that stands outside every resource."""
 MOST_IN_WAY = 10
-"""Of robots in the way of one, so many count: the nearest along its path. It meets no other one before them."""
+"""Of robots in the way of one, so many count: the nearest along its path. It comes to these first."""
 MOST_FACING = 50
-"""Of robots that drive one way through a lane, so many count: those that are in it first."""
+"""Of robots that drive one way through a lane, so many count: the foremost."""
 AT = "at "
 """Prefix of the name of a place outside every resource, where a robot stands."""
 PATH = "path"
@@ -67,8 +70,9 @@ class NearbyBoxes(NamedTuple):
         """Stops, by slot and number, that are near a robot which stands outside every resource, and its slot."""
         row, at = touching_boxes(self.ends_m, self.standing_m).T
         ends, standing = self.ends[row], self.standing[at]
-        is_free = ~robots.records["here"][standing]
-        near = (ends[:, 0] != standing) & is_free & _at_one_height(robots, ends[:, 0], standing)
+        near = (ends[:, 0] != standing) & ~robots.records["here"][standing]
+        near &= robots.stops["floor"][ends[:, 0], ends[:, 1]] == robots.records["floor"][standing]
+        near &= _at_one_height(robots, ends[:, 0], standing)
         return list(zip(map(tuple, ends[near].tolist()), standing[near].tolist(), strict=True))
 
     def in_way(self, robots: RobotTable) -> Ints:
@@ -165,15 +169,15 @@ def place_wants(legs: Iterable[Leg], capacity: Mapping[str, int]) -> list[Want]:
     """The wants of robots for places that are full when they depart for them.
 
     A holder that means to leave before, for a place that it wants itself, may still be there: it leaves only if it can.
-    Of each place `MOST_LEGS` more legs count than it has room for, and as many that lead to it: the next of each robot
-    first.
+    Of each resource `MOST_LEGS` more legs count than it has room for, and as many that lead to it, of each standing
+    robot `MOST_BEHIND`: the next of each robot first.
     """
     legs, by_place, leading = list(legs), dict[str, list[Leg]](), dict[str, set[Node]]()
     for leg in sorted(legs, key=lambda leg: leg.node[1]):
         of_place, to_place = by_place.setdefault(leg.place, []), leading.setdefault(leg.wants or "", set())
-        if len(of_place) < MOST_LEGS + capacity.get(leg.place, 1):
+        if len(of_place) < (MOST_LEGS + capacity[leg.place] if leg.place in capacity else MOST_BEHIND + 1):
             of_place.append(leg)
-        if len(to_place) < MOST_LEGS:
+        if len(to_place) < (MOST_LEGS if leg.wants in capacity else MOST_BEHIND):
             to_place.add(leg.node)
     wants = []
     for leg in legs:
@@ -223,19 +227,11 @@ def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hi
     row, slots, others = row[may_meet], going[row[may_meet]], standing[column[may_meet]]
     centres = shapely.points(robots.records["x_m"][others], robots.records["y_m"][others])
     along_m = shapely.line_locate_point(paths[row], centres)
-    kept = _first_of_each(row, along_m)
+    kept = nearest_of_each(row, along_m, MOST_IN_WAY)
     met = zip(slots[kept].tolist(), others[kept].tolist(), along_m[kept].tolist(), strict=True)
     uuids = robots.uuids
     found = [_hindrance(robots[uuids[slot]], robots[uuids[other]], to_m, now_s) for slot, other, to_m in met]
     return sorted(found, key=lambda hindrance: (hindrance.waiter, hindrance.from_s, hindrance.blocker))
-
-
-def _first_of_each(paths: Ints, along_m: Floats) -> Ints:
-    """The rows of the `MOST_IN_WAY` nearest along each of `paths` (n,)."""
-    order = np.lexsort((along_m, paths))
-    ordered = paths[order]
-    kept: Ints = order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < MOST_IN_WAY]
-    return kept
 
 
 def _hindrance(waiter: RobotView, blocker: RobotView, along_m: float, now_s: float) -> Hindrance:
@@ -270,8 +266,8 @@ def aisle_wants(robots: Iterable[RobotView], aisles: Collection[str]) -> list[Wa
             by_aisle.setdefault(zone, []).append(robot)
     wants = []
     for zone, inside in sorted(by_aisle.items()):
-        inside.sort(key=lambda robot: robot.passages[zone].enter_s)
-        forth = [robot for robot in inside if robot.passages[zone].direction > 0][:MOST_FACING]
+        inside.sort(key=lambda robot: (float(robot.passages[zone].along_m[0]), robot.uuid))
+        forth = [robot for robot in inside if robot.passages[zone].direction > 0][-MOST_FACING:]
         back = [robot for robot in inside if robot.passages[zone].direction < 0][:MOST_FACING]
         for a in forth:
             for b in back:

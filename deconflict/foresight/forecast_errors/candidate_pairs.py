@@ -36,22 +36,23 @@ def _set_places(
 
 
 @inner
-def _are_near(a: Floats, b: Floats, within: float) -> bool:
-    """Whether two places (3,) are on one floor, and within a distance of each other."""
-    dx, dy = a[0] - b[0], a[1] - b[1]
-    return bool(a[2] == b[2] and a[2] >= 0.0 and dx * dx + dy * dy <= within * within)
+def _are_near(x: float, y: float, floor: float, place: Floats, within: float) -> bool:
+    """Whether a point and a place (3,) are on one floor, and within a distance of each other."""
+    dx, dy = x - place[0], y - place[1]
+    return bool(floor == place[2] and floor >= 0.0 and dx * dx + dy * dy <= within * within)
 
 
 @inner
-def _nearing(places: Floats, a: int, b: int, within: float, waits: Bools) -> int:
+def _nearing(places: Floats, newest: Floats, a: int, b: int, within: float, waits: Bools) -> int:
     """The first of the seconds at which two robots are within a distance of each other, also if one that waits stays
-    where it is; -1 if they never are."""
+    where it was reported, while the other goes; -1 if they never are."""
+    stays, goes = (a, b) if waits[a] else (b, a)
+    one_waits = waits[a] != waits[b]
+    x, y, floor = newest[stays, 1], newest[stays, 2], newest[stays, 4]
     for second in range(places.shape[1]):
-        if _are_near(places[a, second], places[b, second], within):
+        if _are_near(places[a, second, 0], places[a, second, 1], places[a, second, 2], places[b, second], within):
             return second
-        if waits[a] and _are_near(places[a, 0], places[b, second], within):
-            return second
-        if waits[b] and _are_near(places[a, second], places[b, 0], within):
+        if one_waits and _are_near(x, y, floor, places[goes, second], within):
             return second
     return -1
 
@@ -103,7 +104,7 @@ def find_pairs(
 ) -> Ints:
     """(p, 3) pairs of `slots` (n,) that come near each other at any of the whole seconds, and the first of these. Each
     pair comes once, the lower in `rank` first. At least one robot of each pair `has_news`, and none `is_left_out`. One
-    that `waits` may stay where it is.
+    that `waits` may stay where it was reported, while the other goes.
 
     Near means within the `reach` of both plus half of each one's longest step. Only robots whose boxes `around`, grown
     so, overlap are compared in time: they are in neighbouring cells.
@@ -134,7 +135,7 @@ def find_pairs(
                 if is_beyond | is_left_out[beside] | (has_news[beside] & (beside <= slot)):
                     continue
                 _set_places(places, near, reach, newest, track, beside, now_s)
-                first = _nearing(places, slot, beside, near[slot] + near[beside], waits)
+                first = _nearing(places, newest, slot, beside, near[slot] + near[beside], waits)
                 if first >= 0:
                     if pairs == len(found):
                         found = np.concatenate((found, np.empty_like(found)))

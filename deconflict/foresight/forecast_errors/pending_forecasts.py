@@ -128,7 +128,7 @@ class PendingForecasts:
     ) -> Ints:
         """(p, 3) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon, and the
         first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; one that `waits` may
-        stay where it is. The lower in `rank` comes first. These arrays are by slot."""
+        stay where it was reported, while the other goes. The lower in `rank` comes first. These arrays are by slot."""
         seconds, reports = int(horizon_s) + 1, (self._history.around, reach_m, self.newest, self.track)
         return candidate_pairs.find_pairs(
             has_news, is_left_out, waits, slots, rank, *reports, now_s, seconds, ROUNDING_M

@@ -29,8 +29,8 @@ SEARCHED_S = 4.0
 """The search for the robot in the way ends this time after the onset."""
 CLEARED_M = 0.3
 """The way of a robot is cleared if this much more of it is free than before."""
-APART_S = 15.0
-"""Interactions of a pair that are less apart in time count as one."""
+APART_S, FORGOTTEN_S = 15.0, 60.0
+"""Interactions of a pair that are less apart in time count as one. Until then at least an ended one is known."""
 FASTEST_MPS, MOST_NEAR = 10.0, 32
 """No robot drives faster: what seems to has jumped. And no more bodies than this have room so near to one."""
 SETTLED_S = 20.0
@@ -141,13 +141,16 @@ class InteractionFinder:
         for finding in findings:
             if finding["kind"] != RESUMED and finding["speed_mps"] <= FASTEST_MPS:
                 self._begin(finding, int(slots[finding["row"]]))
-        if self._open:
-            for row, slot in enumerate(slots.tolist()):
-                interaction = self._open.get(slot)
-                if interaction and not interaction.settled:
-                    found.append(
-                        self._update_open(slot, interaction, float(reports.event_s[row]), half_m, levels_m, vendor)
-                    )
+        if self._ended_s and len(slots):
+            since_s = float(reports.event_s.max()) - FORGOTTEN_S
+            self._ended_s = {pair: ended_s for pair, ended_s in self._ended_s.items() if ended_s >= since_s}
+        unsettled = [row for row, slot in enumerate(slots.tolist()) if slot in self._open]
+        places = self.recent.places() if unsettled else None
+        for row in unsettled:
+            slot, interaction = int(slots[row]), self._open[int(slots[row])]
+            if places and not interaction.settled:
+                at_s = float(reports.event_s[row])
+                found.append(self._update_open(slot, interaction, at_s, places, half_m, levels_m, vendor))
         return [interaction for interaction in found if interaction is not None]
 
     def giving_way(self) -> dict[int, int]:
@@ -164,11 +167,18 @@ class InteractionFinder:
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
-        self, slot: int, interaction: _OpenInteraction, now_s: float, half_m: Floats, levels_m: Floats, vendor: Ints
+        self,
+        slot: int,
+        interaction: _OpenInteraction,
+        now_s: float,
+        places: tuple[Ints, Floats, Floats],
+        half_m: Floats,
+        levels_m: Floats,
+        vendor: Ints,
     ) -> Interaction | None:
         """Look for the robot in the way of one that gives way. None if nothing is new."""
         if interaction.other < 0:
-            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, half_m, levels_m)
+            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, places, half_m, levels_m)
             if interaction.other < 0:
                 interaction.settled = now_s > interaction.onset_s + interaction.doubt_s + SEARCHED_S
                 return None
@@ -200,18 +210,21 @@ class InteractionFinder:
 
     def _continues(self, slot: int, interaction: _OpenInteraction) -> bool:
         """Whether an interaction continues the last one of the same pair."""
-        for pair, ended_s in list(self._ended_s.items()):
-            if ended_s < interaction.onset_s - APART_S:
-                del self._ended_s[pair]
-        back = self._open.get(interaction.other)
-        return _pair(slot, interaction.other) in self._ended_s or (back is not None and back.other == slot)
+        back, ended_s = self._open.get(interaction.other), self._ended_s.get(_pair(slot, interaction.other), -inf)
+        return ended_s >= interaction.onset_s - APART_S or (back is not None and back.other == slot)
 
     def _in_the_way(
-        self, slot: int, interaction: _OpenInteraction, now_s: float, half_m: Floats, levels_m: Floats
+        self,
+        slot: int,
+        interaction: _OpenInteraction,
+        now_s: float,
+        places: tuple[Ints, Floats, Floats],
+        half_m: Floats,
+        levels_m: Floats,
     ) -> tuple[int, float]:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
-        none."""
-        known, place, speed_mps = self.recent.places()
+        none. `places` are as in `RecentReports.places`."""
+        known, place, speed_mps = places
         own = np.flatnonzero(known == slot)
         if not len(own):  # it has rested since, and its reports are no longer kept
             return -1, inf

@@ -247,11 +247,8 @@ def _cost_near_way(robots: KnownRobots, losing: LosingRobot, other: int, near_m:
 
 
 @inner
-def _may_be_in_way(robots: KnownRobots, losing: LosingRobot, other: int, ahead_m: float, yaw_rad: float) -> bool:
+def _may_be_in_way(ahead_m: float, yaw_rad: float) -> bool:
     """Whether another robot, `ahead_m` ahead and turned by `yaw_rad`, comes into question at all."""
-    levels_m, slot = robots.levels_m, losing.slot
-    if levels_m[0, slot] > levels_m[1, other] or levels_m[0, other] > levels_m[1, slot]:
-        return False
     return not (ahead_m < BEHIND_M and abs(yaw_rad) < ALIKE_RAD)
 
 
@@ -269,7 +266,7 @@ def find_blocker(robots: KnownRobots, losing: LosingRobot) -> tuple[int, bool]:
             continue
         other_x, other_y, other_yaw = pose_of(robots, other, t_s)
         ahead_m = (other_x - x) * cos(yaw) + (other_y - y) * sin(yaw)
-        if not _may_be_in_way(robots, losing, other, ahead_m, _turn_between(yaw, other_yaw)):
+        if not _may_be_in_way(ahead_m, _turn_between(yaw, other_yaw)):
             continue
         stays_m = STAYS_M if other == losing.blocker else 0.0
         cost = _cost_on_way(robots, losing, other) - stays_m

@@ -88,13 +88,11 @@ def _is_free(robots: KnownRobots, slot: int, other: int) -> bool:
 
 @inner
 def _may_meet(robots: KnownRobots, slot: int, other: int) -> bool:
-    """Whether two robots of one floor, both heard lately, are of two vendors, near each other and at one height."""
-    newest, others_newest, levels_m = robots.newest[slot], robots.newest[other], robots.levels_m
+    """Whether two robots of one floor and height, both heard lately, are of two vendors and near each other."""
+    newest, others_newest = robots.newest[slot], robots.newest[other]
     if robots.vendor[slot] == robots.vendor[other]:
         return False
     if abs(robots.t_s[slot, newest] - robots.t_s[other, others_newest]) > APART_S:
-        return False
-    if levels_m[0, slot] > levels_m[1, other] or levels_m[0, other] > levels_m[1, slot]:
         return False
     here, there = robots.tracks[slot, newest, 0], robots.tracks[other, others_newest, 0]
     return bool(hypot(there[0] - here[0], there[1] - here[1]) < 2 * CROSSING_M)

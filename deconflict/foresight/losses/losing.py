@@ -19,8 +19,8 @@ STANDS_M = 0.05
 """A robot that came less far stands."""
 APART_S = 6.0
 """Reports further apart do not tell how much time was lost."""
-MOST_NEAR = 32
-"""No more bodies than this have room so near to one that they matter: the nearest are looked at."""
+MOST_NEAR = 64
+"""Of the robots near another one so many are looked at, the nearest. Only side by side do more have room there."""
 
 LOSING = np.dtype(
     [
@@ -110,11 +110,14 @@ KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
 @inner
 def nearest_rows(robots: KnownRobots, slot: int, x_m: float, y_m: float, reach_m: float) -> Ints:
     """(n,) the rows of the `MOST_NEAR` robots that are nearest to a place by their newest reports, the nearest first:
-    on the floor of a robot, itself left out, and no farther from the place along x or y than `reach_m`."""
+    on the floor and at the height of a robot, itself left out, and no farther from the place along x or y than
+    `reach_m`."""
     rows, away_m, n = np.empty(len(robots.newest), np.int64), np.empty(len(robots.newest)), 0
-    floor = robots.floor[slot, robots.newest[slot]]
+    floor, levels_m = robots.floor[slot, robots.newest[slot]], robots.levels_m
     for other in range(len(robots.newest)):
         if other == slot or robots.reports[other] == 0 or robots.floor[other, robots.newest[other]] != floor:
+            continue
+        if levels_m[0, slot] > levels_m[1, other] or levels_m[0, other] > levels_m[1, slot]:
             continue
         here = robots.tracks[other, robots.newest[other], 0]
         if abs(here[0] - x_m) <= reach_m and abs(here[1] - y_m) <= reach_m:

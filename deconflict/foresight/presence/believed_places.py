@@ -12,6 +12,7 @@ from deconflict.foresight.presence.report_intervals import Legs
 from deconflict.sweep.geometry.envelope_distances import signed_gap
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.pose import Pose
+from deconflict.sweep.pair_choice import nearest_of_each
 from deconflict.sweep.robot_slots import lengthened
 from ingest.batch import Batch, Bools, Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
@@ -26,6 +27,8 @@ STEP_M = 0.2
 NONE: Ints = np.empty(0, np.int64)
 MOST_STEPS = 64
 """Most samples of a leg."""
+MOST_NEAR = 128
+"""Places that one leg may come near: far more than have room there. The nearest count."""
 LEAST_ROWS = 32
 """Room for so many places is made at once. Fewer changes build no tree anew."""
 CHANGED = -1
@@ -167,7 +170,7 @@ class BelievedPlaces:
             return []
         leg, place = near = self._near(batch, legs, within_m)
         apart_m, shares = self._apart_m(batch, legs, near, 1.0)
-        is_within = (apart_m <= within_m) & self._is_beside(batch, legs, near)[:, None]
+        is_within = apart_m <= within_m
         found = []
         for row in np.flatnonzero(is_within.any(axis=1)).tolist():
             first, batch_row = int(is_within[row].argmax()), int(legs.rows[leg[row]])
@@ -177,7 +180,8 @@ class BelievedPlaces:
         return found
 
     def _near(self, batch: Batch, legs: Legs, beyond_m: float) -> tuple[Ints, Ints]:
-        """(n,) legs and (n,) places on one floor that may come within a distance of each other."""
+        """(n,) legs and (n,) places on one floor and at one height that may come within a distance of each other: of
+        each leg the `MOST_NEAR` nearest."""
         trees, (from_x_m, to_x_m), (from_y_m, to_y_m) = self._trees(), legs.x_m.T, legs.y_m.T
         long_m, is_joined = np.hypot(to_x_m - from_x_m, to_y_m - from_y_m), _is_joined(legs)
         own_m = np.hypot(batch.forecasts.length_m[legs.rows], batch.forecasts.width_m[legs.rows]) / 2
@@ -192,8 +196,13 @@ class BelievedPlaces:
         near, place = np.concatenate([tree.within(points, reach_m[some]) for tree in trees], axis=1)
         by_leg = np.lexsort((place, near))
         leg, place = some[near[by_leg]], place[by_leg]
-        is_same_floor = legs.floor[leg, 1] == self._columns[3][place]
-        return leg[is_same_floor], place[is_same_floor]
+        away_m = np.hypot(self._columns[0][place] - x_m[leg], self._columns[1][place] - y_m[leg])
+        may_be = legs.floor[leg, 1] == self._columns[3][place]
+        may_be &= away_m <= reach_m[leg] + self._columns[9][place] - self._columns[9].max()
+        may_be &= self._is_beside(batch, legs, (leg, place))
+        leg, place = leg[may_be], place[may_be]
+        kept = np.sort(nearest_of_each(leg, away_m[may_be], MOST_NEAR))
+        return leg[kept], place[kept]
 
     def _are_in_bounds(self, x_m: Floats, y_m: Floats, reach_m: Floats) -> Bools:
         """(n,) whether points are as near to the rectangle around all places as they may reach."""
@@ -210,12 +219,12 @@ class BelievedPlaces:
         return beside
 
     def _is_through(self, batch: Batch, legs: Legs, near: tuple[Ints, Ints]) -> Bools:
-        """(n,) whether robots drove through places: at their height, and far enough into the outline."""
+        """(n,) whether robots drove far enough into the outlines of places."""
         leg, place = near
         halves_m, doubt_m = INNER * self._columns[4:6, place], self._columns[8, place] + batch.doubt_m[legs.rows[leg]]
         apart_m, _ = self._apart_m(batch, legs, near, INNER, doubt_m)
         through: Bools = (apart_m < 0.0).any(axis=1) & (halves_m > doubt_m).all(axis=0)
-        return through & self._is_beside(batch, legs, near)
+        return through
 
     def _apart_m(
         self, batch: Batch, legs: Legs, near: tuple[Ints, Ints], scale: float, doubt_m: Floats | float = 0.0

@@ -61,6 +61,10 @@ class PairMeasuring:
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,
             now_s=now_s, ahead_s=ahead_s, horizon_s=bounds.horizon_s, clearance_m=bounds.clearance_m,
         )  # fmt: skip
-        pairs["near_s"][rows[starts.rows]], pairs["near_m"][rows[starts.rows]] = starts.near_s, starts.near_m
+        pairs["late_s"][rows] = 0.0
+        is_late = ~np.isin(rows[starts.rows], swept_rows)
+        late = rows[starts.rows[is_late]]
+        for name in ("near_s", "near_m", "late_s"):
+            pairs[name][late] = getattr(starts, name)[is_late]
         pairs["share"][rows] = starts.share[0]
         pairs["features"][rows, 1:3] = log_odds(starts.share).T

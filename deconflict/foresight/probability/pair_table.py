@@ -65,6 +65,7 @@ PAIR = np.dtype(
         ("deciding", np.float64),  # alerts are decided by this; above the probability if evidence is thin
         ("near_s", np.float64),  # when the forecasts are nearest within the horizon; 0 before the first look
         ("near_m", np.float64),  # separation at that time
+        ("late_s", np.float64, (2,)),  # how much later than its forecast says each one starts if they come near so
         ("now_m", np.float64),  # separation at the last look
         ("contact_s", np.float64),  # when the forecasts first come within the clearance, inf if they do not
         ("started_s", np.float64),  # when the last encounter began, -inf before the first

@@ -8,9 +8,10 @@ import numpy as np
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Looks, Robots
 from deconflict.foresight.probability.error_band_kernels import most_sds, normal_shares
+from deconflict.foresight.probability.pair_table import Pairs
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Bools, Floats, Ints, Pair
 
 NO_PAST: Floats = np.empty(0)
 LONGEST_GAP_S = 5.0
@@ -23,11 +24,13 @@ class LateStarts(NamedTuple):
     share: Floats
     """(2, n) shares of the error distribution within the clearance, averaged over the times at which a robot starts."""
     rows: Ints
-    """(k,) the pairs that most probably come near because one of the two starts late."""
+    """(k,) the pairs that, if they come near, most probably do so because one of the two starts late."""
     near_s: Floats
     """(k,) when they then first come within the clearance, or are nearest; seconds since the epoch."""
     near_m: Floats
     """(k,) their smallest separation."""
+    late_s: Floats
+    """(k, 2) by how much later than its forecast says each robot then starts."""
 
 
 def are_waiting(robots: Robots) -> Bools:
@@ -80,7 +83,7 @@ def shares_over_starts(
     waiting = are_waiting(robots)
     rows = np.flatnonzero(waiting[a] ^ waiting[b])
     if not len(rows):
-        return LateStarts(share, rows, NO_PAST, NO_PAST)
+        return LateStarts(share, rows, NO_PAST, NO_PAST, np.empty((0, 2)))
     waiter = np.where(waiting[a[rows]], a[rows], b[rows])
     weights = start_times.weights(robots["kind"][waiter], is_blocked[waiter], now_s - robots["stood_since_s"][waiter])
     delays_s = LATE_S[1:]
@@ -93,9 +96,9 @@ def shares_over_starts(
     result = share.copy()
     result[:, rows] = weights[:, 0] * share[:, rows] + late.sum(axis=2)
     is_late = late[0].max(axis=1) > weights[:, 0] * share[0, rows]
-    apart_m = np.where(poses.is_same_floor, apart_m, np.inf).reshape(*late[0].shape, -1)
-    look, near_m = _first_near(apart_m[is_late, late[0].argmax(axis=1)[is_late]], clearance_m)
-    return LateStarts(result, rows[is_late], now_s + ahead_s[look], near_m)
+    chosen = (np.arange(len(rows)) * len(delays_s) + late[0].argmax(axis=1))[is_late]
+    look, near_m = _first_near(np.where(poses.is_same_floor[chosen], apart_m[chosen], np.inf), clearance_m)
+    return LateStarts(result, rows[is_late], now_s + ahead_s[look], near_m, late_s[:, chosen].T)
 
 
 def _first_near(apart_m: Floats, within_m: float) -> tuple[Ints, Floats]:
@@ -103,3 +106,15 @@ def _first_near(apart_m: Floats, within_m: float) -> tuple[Ints, Floats]:
     (n,) their smallest separation."""
     near_m = np.maximum(apart_m.min(axis=1), 0.0)
     return (apart_m <= np.maximum(near_m, within_m)[:, None]).argmax(axis=1), near_m
+
+
+def late_starts(pair: Pair, tracked: TrackedRobots, pairs: Pairs) -> tuple[float, float]:
+    """By how much later than its forecast says each robot of a pair most probably starts, if they come near so."""
+    if not tracked.slots.keys() >= set(pair):
+        return 0.0, 0.0
+    code = tracked.pair_code(*(tracked.slots[uuid] for uuid in pair))
+    row = int(np.searchsorted(pairs["code"], code))
+    if row == len(pairs) or pairs["code"][row] != code:
+        return 0.0, 0.0
+    first_s, second_s = pairs["late_s"][row].tolist()
+    return first_s, second_s

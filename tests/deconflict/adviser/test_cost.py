@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from deconflict.adviser import Request
+from deconflict.adviser.ground import goals
 from deconflict.adviser.ground.tracks import Tracks
 from tests.deconflict.adviser.floors import LOWER, Floor, Robot, face_to_face
 
@@ -68,3 +69,12 @@ def test_a_step_on_a_crowded_floor_of_a_thousand_robots_is_cheap(
     floor.seconds(9, lambda _: ("declined", "cannot"))
     assert max(searches) <= 6
     assert sum(sorted(costs_s)[2:-2]) < MOST_LOOPS * sum(sorted(loops_s)[2:-2]), (costs_s, loops_s)
+
+
+def test_robots_for_which_no_place_was_looked_for_come_first_in_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "FINDS", 4)
+    pairs = [face_to_face(8.0 * number, name=str(number)) for number in range(12)]
+    floor = Floor(tuple(robot for pair in pairs for robot in pair))
+    requests = floor.seconds(25, lambda _: ("declined", "cannot"))
+    asked = {request.robot for request in requests}
+    assert all(asked & {left.uuid, right.uuid} for left, right in pairs)

@@ -149,5 +149,5 @@ def test_the_engine_role_delivers_refusals_to_the_ledger(tmp_path: Path, monkeyp
     monkeypatch.setattr(role._delivery, "add_pass", lambda *given: delivered.extend(given[-1]))
     floor.engine.refusals = floor.refusals
     batch = Batch.from_bytes(floor.fleet.next_batch(floor.now_s + 1).to_bytes())
-    role._run_pass(floor.engine, batch, 0, {})
+    role._run_pass(floor.engine, batch, 0, {}, timed=False)
     assert [(entry.by_vendor, entry.refused_s) for entry in delivered] == [("Larch", 2.0)]

@@ -1,6 +1,5 @@
 """Whose messages a pass reflects, and since when they waited."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 from deconflict.engine.engine import Engine
-from deconflict.engine.load_shedding import LATE_PASSES, Effort
 from deconflict.engine.message_latency import arrivals_s
 from deconflict.roles.engine_role import EngineRole
 from deconflict.settings.site import DEFAULT
@@ -75,22 +73,3 @@ def test_a_judge_that_fails_is_counted_and_begins_anew(tmp_path: Path) -> None:
     role._judge_pass(engine, fleet().next_batch(NOW_S), np.zeros(0), [])
     assert (role._judge, len(judges)) == (judges[1], 2)
     assert engine.measures.values["deconflict_judge_failures_total"] == {(): 1}
-
-
-def test_a_pass_counts_for_the_deadline_with_its_judging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clock_s = [0.0]
-
-    class SlowJudge:
-        def add(self, *_: object) -> None:
-            clock_s[0] += DEFAULT.engine.deadline_s + 0.1
-
-    def made(*_: object) -> Any:
-        return SlowJudge()
-
-    monkeypatch.setattr(time, "perf_counter", lambda: clock_s[0])
-    role, engine = EngineRole(DEFAULT, tmp_path, make_judge=made), Engine(DEFAULT)
-    role._judge = role._judge_of(engine)
-    for second in range(LATE_PASSES):
-        assert role._load.effort is Effort.FULL
-        role._run_pass(engine, fleet().next_batch(NOW_S + second), 0, {})
-    assert (role._load.effort, clock_s[0] > 0.0) == (Effort.COARSE, True)

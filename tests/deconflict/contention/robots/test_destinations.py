@@ -2,7 +2,7 @@
 
 import pytest
 
-from deconflict.contention.robots.destinations import FASTEST_MPS, PlannedStop
+from deconflict.contention.robots.destinations import FASTEST_MPS, MOST_STOPS, PlannedStop
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, Spot, resource, site
@@ -40,8 +40,10 @@ def test_a_stop_is_expected_as_announced_but_no_sooner_than_possible() -> None:
     assert soon.resource is None
 
 
-def test_all_stops_are_kept_if_a_robot_has_more_than_any_before() -> None:
-    assert len(told((0, 0), *((60.0 + t, 9.0 + t, 30.0) for t in range(40)))) == 40
+@pytest.mark.parametrize(("announced", "kept"), [(15, 15), (40, MOST_STOPS)])
+def test_the_first_stops_are_kept_also_if_a_robot_has_more_than_any_before(announced: int, kept: int) -> None:
+    stops = told((0, 0), *((60.0 + t, 9.0 + t, 30.0) for t in range(announced)))
+    assert [stop.x_m for stop in stops] == [9.0 + t for t in range(kept)]
 
 
 def test_without_announcements_there_are_no_stops() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deconflict.contention.waiting.deadlocks import Node, RingLink, Want, rings
-from deconflict.contention.waiting.wait_graph import MOST_LEGS, Leg, place_wants
+from deconflict.contention.waiting.wait_graph import MOST_BEHIND, MOST_LEGS, Leg, place_wants
 
 ROBOTS = [(name, 0) for name in "abcdef"]
 
@@ -89,12 +89,15 @@ def test_there_is_a_ring_exactly_if_a_robot_can_never_move_on(given: list[Want])
             )
 
 
-def test_of_a_place_a_bounded_number_of_those_that_have_or_want_it_is_looked_at() -> None:
+@pytest.mark.parametrize(("capacity", "most"), [({"north": 1, "south": 1}, MOST_LEGS), ({}, MOST_BEHIND)])
+def test_of_a_place_a_bounded_number_of_those_that_have_or_want_it_is_looked_at(
+    capacity: dict[str, int], most: int
+) -> None:
     def robots(place: str, wants: str) -> list[Leg]:
         return [Leg((f"{place} {n}", 0), place, 0.0, 1.0, -inf, inf, wants, 2.0) for n in range(3 * MOST_LEGS)]
 
-    wants = place_wants([*robots("north", "south"), *robots("south", "north")], {})
+    wants = place_wants([*robots("north", "south"), *robots("south", "north")], capacity)
     assert Counter((want.where, len(want.holders)) for want in wants) == {
-        ("north", MOST_LEGS + 1): MOST_LEGS,
-        ("south", MOST_LEGS + 1): MOST_LEGS,
+        ("north", most + 1): most,
+        ("south", most + 1): most,
     }
