@@ -3,6 +3,7 @@
 Heights are a bottom and a top in metres. They are -inf and inf if unknown: such a robot overlaps all others in height.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
@@ -35,6 +36,10 @@ def at_one_height(robot: HasHeights, other: HasHeights) -> bool:
 
 def largest_group_at_one_height(robots: Sequence[T]) -> list[T]:
     """The largest group of robots that all reach one common height, in the order given; the lowest of equal groups."""
-    bottoms_m = sorted({robot.bottom_m for robot in robots})
-    groups = [[robot for robot in robots if robot.bottom_m <= height_m <= robot.top_m] for height_m in bottoms_m]
-    return max(groups, key=len, default=[])
+    bottoms_m, tops_m = sorted(robot.bottom_m for robot in robots), sorted(robot.top_m for robot in robots)
+
+    def reach(height_m: float) -> int:
+        return bisect_right(bottoms_m, height_m) - bisect_left(tops_m, height_m)
+
+    common_m = max(bottoms_m, key=reach, default=0.0)
+    return [robot for robot in robots if robot.bottom_m <= common_m <= robot.top_m]

@@ -119,7 +119,11 @@ _AMOUNTS = (
     Rule("speed-limit-not-positive", "The greatest speed is not above zero; ignored.", "4.2.1"),
 )
 _WHERE_TO = (
-    Rule("destinations-too-many", "More than ten destinations; the first two hundred used.", "5.2.3"),
+    Rule(
+        "destinations-too-many",
+        "More than ten destinations; two hundred are used, twenty for queues.",
+        "5.2.3",
+    ),
     Rule("destinations-too-far", "A destination beyond fifteen minutes; kept, not used yet.", "5.2.3"),
     Rule("destinations-past", "Every destination's time is over; kept.", "5.2.3"),
     Rule("destinations-unsorted", "Destinations are not in the order of their times; sorted.", "5.2.3"),
