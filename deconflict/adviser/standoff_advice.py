@@ -144,17 +144,15 @@ class StandoffAdvice:
         self._observe_standing(now_s)
         self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        for ring in sorted(self._standing.rings, key=self._goals.turn):
-            changed += self._for_ring(ring, robots, now_s)
-        for waiting in sorted(self._standing.waiting.values(), key=lambda each: self._goals.comes_later(each.robot)):
-            is_in_ring = waiting.robot in self._standing.in_rings
-            stood_s = now_s - waiting.both_since_s
-            if not is_in_ring and stood_s >= STANDS_S:
-                verbs = LEAVING if stood_s >= LONG_S else LEAVING[:1]
-                options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
-                if robots[waiting.other].state in MAY_MOVE and robots[waiting.other].here is None:
-                    options.append(Option(waiting.other, "step_aside", waiting.robot))
-                changed += self._ask_best("stander", stood_s, options, robots, now_s)
+        rings = sorted(self._standing.rings, key=self._goals.turn)
+        standers = [each for each in self._standing.waiting.values() if each.robot not in self._standing.in_rings]
+        for comes_later in (False, True):
+            for ring in rings:
+                if self._goals.turn(ring)[0] is comes_later:
+                    changed += self._for_ring(ring, robots, now_s)
+            for stander in standers:
+                if self._goals.comes_later(stander.robot) is comes_later:
+                    changed += self._for_stander(stander, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         return changed
@@ -246,6 +244,15 @@ class StandoffAdvice:
                 asked = list(self._ask_best("ring", stood_s, self._relief(waiting), robots, now_s))
             yield from asked
 
+    def _for_stander(self, waiting: Waiting, robots: RobotTable, now_s: float) -> Iterator[Request]:
+        stood_s = now_s - waiting.both_since_s
+        if stood_s >= STANDS_S:
+            verbs = LEAVING if stood_s >= LONG_S else LEAVING[:1]
+            options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
+            if robots[waiting.other].state in MAY_MOVE and robots[waiting.other].here is None:
+                options.append(Option(waiting.other, "step_aside", waiting.robot))
+            yield from self._ask_best("stander", stood_s, options, robots, now_s)
+
     def _relief(self, waiting: list[Waiting]) -> Iterator[Option]:
         """What the last robots behind those of a ring could do, so that these have room behind them."""
         ring = {each.robot for each in waiting}
@@ -273,7 +280,7 @@ class StandoffAdvice:
         self, kind: str, stood_s: float, options: Iterable[Option], robots: RobotTable, now_s: float
     ) -> Iterator[Request]:
         """Ask for the first option that saves something. The robots have stood for `stood_s`."""
-        if self._goals.is_spent(option.robot for option in options):
+        if kind != "crossing" and self._goals.is_spent(option.robot for option in options):
             return
         found = []
         for option in options:

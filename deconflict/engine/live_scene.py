@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
 from deconflict.engine.place_names import PlaceNames
@@ -83,7 +85,11 @@ class LiveScene:
         return replace(forecast, t_s=forecast.t_s + late_s), 0
 
     def encounters(self, pairs: Sequence[Pair], contact_s: Floats) -> Encounters:
-        return self._sweeper.encounters(pairs, contact_s)
+        met, foresight = self._sweeper.encounters(pairs, contact_s), self._foresight
+        if foresight.pairs["late_s"].any():
+            is_late = [any(late_starts(pair, foresight.robots, foresight.pairs)) for pair in pairs]
+            met["x"][is_late] = met["y"][is_late] = np.nan
+        return met
 
     def separation_m(self, pair: Pair, now_s: float) -> float | None:
         a, b = (self._live.robots[uuid] for uuid in pair)

@@ -96,12 +96,11 @@ class Silences:
             return
         places = self._place[rows]
         is_other = rows[:, None] != sampled.robot
-        near = np.argwhere(is_other & _near(places, sampled))
-        place, robot = places[near[:, 0]], near[:, 1]
-        may_meet = (sampled.floor[robot] == place[:, 3, None]).any(axis=1)
-        may_meet &= heights_overlap(*sampled.height_m[:, robot], *place[:, 6:].T[:, :, None]).any(axis=1)
-        for at, other in near[may_meet].tolist():
-            if _drives_through(places[at], sampled, other):
+        for at, near in enumerate(is_other & _near(places, sampled)):
+            others = np.flatnonzero(near)
+            may_meet = (sampled.floor[others] == places[at, 3]).any(axis=1)
+            may_meet &= heights_overlap(*sampled.height_m[:, others], *places[at, 6:]).any(axis=1)
+            if any(_drives_through(places[at], sampled, other) for other in others[may_meet].tolist()):
                 self._of[int(rows[at])][-1].is_passed = True
 
     def finish(self) -> None:

@@ -55,7 +55,7 @@ class Goals:
 
     def begin_step(self) -> None:
         self._searches_left, self._finds_left = SEARCHES, FINDS
-        self._first, self._left_out = self._left_out, set()
+        self._first, self._left_out = (self._first & self._left_out) or self._left_out, set()
 
     def is_spent(self, robots: Iterable[str]) -> bool:
         """Whether no more places are looked for in this step. If so, these robots come first in the next one."""
@@ -86,15 +86,15 @@ class Goals:
     def find(self, option: Option, way_rad: float, robots: RobotTable, now_s: float) -> Goal | None:
         """The place of what a robot could be asked for. None if it cannot be asked because there is none. `way_rad` is
         where its way leads where the other is."""
+        if option.verb == "other_way":
+            return Goal(robots.reported_pose(option.other)[:2])
+        if option.verb != "go_around" and option.verb not in SEARCHED:
+            return Goal()
         if self.is_spent((option.robot,)):
             return None
         self._finds_left -= 1
         if option.verb == "go_around":
             return self._beside(option, way_rad, robots)
-        if option.verb == "other_way":
-            return Goal(robots.reported_pose(option.other)[:2])
-        if option.verb not in SEARCHED:
-            return Goal()
         at_m = self._room_m(option, robots, now_s)
         return Goal(at_m) if at_m else None
 

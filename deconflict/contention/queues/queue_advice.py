@@ -1,6 +1,6 @@
 """Advice for queues and deadlocks: the slots that cost least, worked out again only if that matters."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -109,8 +109,9 @@ class QueueAdvice:
 
         def place_queues() -> list[PlaceQueue]:
             forecasts = [queues[member].at_height_of(longest) if member in queues else None for member in group]
-            most = max(MOST_ADVISED // len(group), 1)
-            return [self._place_queue(*item, robots, most) for item in zip(group, forecasts, strict=True)]
+            coming = sorted(entry for each in forecasts if each for entry in each.entries[each.inside :])
+            advised = frozenset(entry.robot for entry in coming[:MOST_ADVISED])
+            return [self._place_queue(*item, robots, advised) for item in zip(group, forecasts, strict=True)]
 
         return self._advice(tuple(group), place_queues, now_s)
 
@@ -173,9 +174,12 @@ class QueueAdvice:
         return advice
 
     def _place_queue(
-        self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView], most: int
+        self, place: str, forecast: QueueForecast | None, robots: Mapping[str, RobotView], advised: Collection[str]
     ) -> PlaceQueue:
-        entries = forecast.entries[: forecast.inside + most] if forecast else ()
+        """The robots that are in a place, and those of `advised` that come to it."""
+        entries = (
+            [entry for entry in forecast.entries if not entry.coming or entry.robot in advised] if forecast else ()
+        )
         requests = tuple(self._request(entry, robots) for entry in entries)
         return PlaceQueue(place, self._geometry.capacity(place), requests, self._geometry.changeover_s(place))
 

@@ -167,7 +167,7 @@ class AnnouncedArrivals:
             is_due = not announcements or now_s - announcements[-1].made_s >= REPEAT_S
             if len(announcements) < MOST_ANNOUNCEMENTS and is_due:
                 announcements.append(Announcement(now_s, t_s))
-        for point in list(open_points)[: max(len(open_points) - MOST_OPEN, 0)]:
+        for point in sorted(open_points, key=ahead.__contains__)[: max(len(open_points) - MOST_OPEN, 0)]:
             del open_points[point]
         if open_points or ahead:
             self._open[robot] = open_points

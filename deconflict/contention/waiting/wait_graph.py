@@ -14,6 +14,7 @@ import shapely
 
 from deconflict.contention.robots import record_kernels
 from deconflict.contention.robots.bounding_boxes import ROUNDING_M, touching_boxes
+from deconflict.contention.robots.place_geometry import ZonePassage
 from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_S
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
@@ -266,8 +267,8 @@ def aisle_wants(robots: Iterable[RobotView], aisles: Collection[str]) -> list[Wa
             by_aisle.setdefault(zone, []).append(robot)
     wants = []
     for zone, inside in sorted(by_aisle.items()):
-        inside.sort(key=lambda robot: (float(robot.passages[zone].along_m[0]), robot.uuid))
-        forth = [robot for robot in inside if robot.passages[zone].direction > 0][-MOST_FACING:]
+        inside.sort(key=lambda robot: _foremost(robot.passages[zone], robot.uuid))
+        forth = [robot for robot in inside if robot.passages[zone].direction > 0][:MOST_FACING]
         back = [robot for robot in inside if robot.passages[zone].direction < 0][:MOST_FACING]
         for a in forth:
             for b in back:
@@ -276,6 +277,11 @@ def aisle_wants(robots: Iterable[RobotView], aisles: Collection[str]) -> list[Wa
                     wants.append(Want((a.uuid, 0), ((b.uuid, 0),), zone, meet_s))
                     wants.append(Want((b.uuid, 0), ((a.uuid, 0),), zone, meet_s))
     return wants
+
+
+def _foremost(passage: ZonePassage, robot: str) -> tuple[float, float, str]:
+    """Sorts robots that drive one way through a lane: the foremost first, then the first to enter."""
+    return -passage.direction * float(passage.along_m[0]), passage.enter_s, robot
 
 
 def _meet_s(forth: RobotView, back: RobotView, zone: str) -> float | None:

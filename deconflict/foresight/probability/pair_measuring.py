@@ -61,7 +61,7 @@ class PairMeasuring:
             pending=self._pending, start_times=start_times, is_blocked=is_blocked, bands_m=bands_m,
             now_s=now_s, ahead_s=ahead_s, horizon_s=bounds.horizon_s, clearance_m=bounds.clearance_m,
         )  # fmt: skip
-        pairs["late_s"][rows] = 0.0
+        pairs["late_s"][rows] = pairs["late_s"][swept_rows] = 0.0
         is_late = ~np.isin(rows[starts.rows], swept_rows)
         late = rows[starts.rows[is_late]]
         for name in ("near_s", "near_m", "late_s"):
