@@ -245,11 +245,10 @@ class StandoffAdvice:
             yield from asked
 
     def _for_stander(self, waiting: Waiting, robots: RobotTable, now_s: float) -> Iterator[Request]:
-        stood_s = now_s - waiting.both_since_s
-        if stood_s >= STANDS_S:
+        if (stood_s := now_s - waiting.both_since_s) >= STANDS_S:
             verbs = LEAVING if stood_s >= LONG_S else LEAVING[:1]
-            options = [Option(waiting.robot, verb, waiting.other) for verb in verbs]
-            if robots[waiting.other].state in MAY_MOVE and robots[waiting.other].here is None:
+            options, other = [Option(waiting.robot, verb, waiting.other) for verb in verbs], robots[waiting.other]
+            if other.state in MAY_MOVE and other.here is None:
                 options.append(Option(waiting.other, "step_aside", waiting.robot))
             yield from self._ask_best("stander", stood_s, options, robots, now_s)
 
