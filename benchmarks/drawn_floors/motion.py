@@ -129,7 +129,7 @@ class Robot:
             x_m, y_m = (at_m + share * (dock_m - at_m) for at_m, dock_m in zip(now[:2], DOCK_M, strict=True))
             return Poses(*np.broadcast_arrays(x_m, y_m, now.yaw_rad, now.speed_mps))
         path_mps = {"straight": now.speed_mps, "waits": np.maximum(now.speed_mps, WAITS_MPS)}.get(self.says, 0.0)
-        gone_m = path_mps * ahead_s + 0.0 * now.speed_mps
+        gone_m = path_mps * ahead_s
         x_m, y_m = now.x_m + gone_m * np.cos(now.yaw_rad), now.y_m + gone_m * np.sin(now.yaw_rad)
         return Poses(*np.broadcast_arrays(x_m, y_m, now.yaw_rad, now.speed_mps))
 
