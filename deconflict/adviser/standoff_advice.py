@@ -146,12 +146,12 @@ class StandoffAdvice:
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
         rings = sorted(self._standing.rings, key=self._goals.turn)
         standers = [each for each in self._standing.waiting.values() if each.robot not in self._standing.in_rings]
-        for comes_later in (False, True):
+        for is_later in (False, True):
             for ring in rings:
-                if self._goals.turn(ring)[0] is comes_later:
+                if self._goals.come_later(ring) is is_later:
                     changed += self._for_ring(ring, robots, now_s)
             for stander in standers:
-                if self._goals.comes_later(stander.robot) is comes_later:
+                if self._goals.come_later((stander.robot,)) is is_later:
                     changed += self._for_stander(stander, robots, now_s)
         for crossing in self._standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)

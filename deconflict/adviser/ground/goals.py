@@ -63,9 +63,9 @@ class Goals:
             self._left_out.update(robots)
         return not self._finds_left
 
-    def comes_later(self, robot: str) -> bool:
-        """Whether a robot was not left out in the step before."""
-        return robot not in self._first
+    def come_later(self, robots: Iterable[str]) -> bool:
+        """Whether none of these robots was left out in the step before."""
+        return self._first.isdisjoint(robots)
 
     def receive(self, robots: RobotTable, updated: Iterable[str]) -> None:
         """Robots were updated."""
@@ -81,7 +81,7 @@ class Goals:
     def turn(self, robots: Collection[str]) -> tuple[bool, float]:
         """Sorts groups of robots: those that were left out come first, then those that wait for a place for longest."""
         searched_s = max(self._searched_s.get((robot, verb), -inf) for robot in robots for verb in SEARCHED)
-        return all(map(self.comes_later, robots)), searched_s
+        return self.come_later(robots), searched_s
 
     def find(self, option: Option, way_rad: float, robots: RobotTable, now_s: float) -> Goal | None:
         """The place of what a robot could be asked for. None if it cannot be asked because there is none. `way_rad` is

@@ -33,7 +33,7 @@ MOST_LEGS = 100
 MOST_BEHIND = 20
 """More than this wait for no robot that stands outside every resource."""
 MOST_IN_WAY = 10
-"""Of robots in the way of one, so many count: the nearest along its path. It comes to these first."""
+"""So many robots in the way of a robot count: the nearest along its path, to which it comes first."""
 MOST_FACING = 50
 """Of robots that drive one way through a lane, so many count: the foremost."""
 AT = "at "

@@ -37,6 +37,10 @@ SETTLED_S = 20.0
 """Within this time after the onset it shows whether a pair of one vendor keeps an order; else it stays unknown."""
 
 
+_Bodies = tuple[tuple[Ints, Floats, Floats], Floats, Floats]
+"""All robots as in `RecentReports.places`, and by slot their half sides and levels as in `InteractionFinder.receive`."""
+
+
 class InteractionOutcome(IntEnum):
     """The kind of an interaction."""
 
@@ -144,13 +148,11 @@ class InteractionFinder:
         if self._ended_s and len(slots):
             since_s = float(reports.event_s.max()) - FORGOTTEN_S
             self._ended_s = {pair: ended_s for pair, ended_s in self._ended_s.items() if ended_s >= since_s}
-        unsettled = [row for row, slot in enumerate(slots.tolist()) if slot in self._open]
-        places = self.recent.places() if unsettled else None
-        for row in unsettled:
-            slot, interaction = int(slots[row]), self._open[int(slots[row])]
-            if places and not interaction.settled:
-                at_s = float(reports.event_s[row])
-                found.append(self._update_open(slot, interaction, at_s, places, half_m, levels_m, vendor))
+        heard_s = dict(zip(slots.tolist(), reports.event_s.tolist(), strict=True))
+        unsettled = [slot for slot in heard_s if slot in self._open and not self._open[slot].settled]
+        if unsettled:
+            bodies = self.recent.places(), half_m, levels_m
+            found += [self._update_open(slot, self._open[slot], heard_s[slot], bodies, vendor) for slot in unsettled]
         return [interaction for interaction in found if interaction is not None]
 
     def giving_way(self) -> dict[int, int]:
@@ -167,18 +169,11 @@ class InteractionFinder:
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
-        self,
-        slot: int,
-        interaction: _OpenInteraction,
-        now_s: float,
-        places: tuple[Ints, Floats, Floats],
-        half_m: Floats,
-        levels_m: Floats,
-        vendor: Ints,
+        self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies, vendor: Ints
     ) -> Interaction | None:
         """Look for the robot in the way of one that gives way. None if nothing is new."""
         if interaction.other < 0:
-            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, places, half_m, levels_m)
+            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, bodies)
             if interaction.other < 0:
                 interaction.settled = now_s > interaction.onset_s + interaction.doubt_s + SEARCHED_S
                 return None
@@ -213,18 +208,10 @@ class InteractionFinder:
         back, ended_s = self._open.get(interaction.other), self._ended_s.get(_pair(slot, interaction.other), -inf)
         return ended_s >= interaction.onset_s - APART_S or (back is not None and back.other == slot)
 
-    def _in_the_way(
-        self,
-        slot: int,
-        interaction: _OpenInteraction,
-        now_s: float,
-        places: tuple[Ints, Floats, Floats],
-        half_m: Floats,
-        levels_m: Floats,
-    ) -> tuple[int, float]:
+    def _in_the_way(self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies) -> tuple[int, float]:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
-        none. `places` are as in `RecentReports.places`."""
-        known, place, speed_mps = places
+        none."""
+        (known, place, speed_mps), half_m, levels_m = bodies
         own = np.flatnonzero(known == slot)
         if not len(own):  # it has rested since, and its reports are no longer kept
             return -1, inf

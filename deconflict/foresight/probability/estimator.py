@@ -37,6 +37,7 @@ from deconflict.foresight.probability.pair_table import (
     PairEstimates,
     has_robot_of,
     open_rows,
+    row_of,
     rows_to_report,
     select_pairs,
     set_preemption,
@@ -178,9 +179,8 @@ class ProbabilityEstimator:
             self._note_interaction(interaction)
 
     def _note_interaction(self, interaction: Interaction) -> None:
-        code = self._robots.pair_code(interaction.robot, interaction.other)
-        row = int(np.searchsorted(self.pairs["code"], code))
-        if row == len(self.pairs) or self.pairs["code"][row] != code:
+        row = row_of(self.pairs, self._robots.pair_code(interaction.robot, interaction.other))
+        if row is None:
             return
         pair = self.pairs[row]
         is_over = interaction.end_s < float("inf")

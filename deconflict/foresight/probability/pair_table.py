@@ -88,6 +88,12 @@ Pairs = NDArray[Any]
 """(p,) of `PAIR`, ascending by `code`."""
 
 
+def row_of(pairs: Pairs, code: int) -> int | None:
+    """The row of a code; None if the table has none."""
+    row = int(np.searchsorted(pairs["code"], code))
+    return row if row < len(pairs) and pairs["code"][row] == code else None
+
+
 class PairEstimates(NamedTuple):
     """The estimates of w pairs. Arrays are (w,) copies, which the caller may change. The pairs of the exact sweep come
     first, in its order."""

@@ -8,7 +8,7 @@ import numpy as np
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts
 from deconflict.foresight.forecast_errors.track_kernels import Looks, Robots
 from deconflict.foresight.probability.error_band_kernels import most_sds, normal_shares
-from deconflict.foresight.probability.pair_table import Pairs
+from deconflict.foresight.probability.pair_table import Pairs, row_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.rollout.start_times import LATE_S, StartTimes
 from ingest.batch import Bools, Floats, Ints, Pair
@@ -112,9 +112,8 @@ def late_starts(pair: Pair, tracked: TrackedRobots, pairs: Pairs) -> tuple[float
     """By how much later than its forecast says each robot of a pair most probably starts, if they come near so."""
     if not tracked.slots.keys() >= set(pair):
         return 0.0, 0.0
-    code = tracked.pair_code(*(tracked.slots[uuid] for uuid in pair))
-    row = int(np.searchsorted(pairs["code"], code))
-    if row == len(pairs) or pairs["code"][row] != code:
+    row = row_of(pairs, tracked.pair_code(*(tracked.slots[uuid] for uuid in pair)))
+    if row is None:
         return 0.0, 0.0
     first_s, second_s = pairs["late_s"][row].tolist()
     return first_s, second_s

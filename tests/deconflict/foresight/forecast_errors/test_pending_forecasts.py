@@ -145,7 +145,7 @@ def test_another_robot_in_a_slot_has_no_pending_forecasts() -> None:
 
 
 def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
-    """On random ways, with reports of different ages; a robot that waits may also stay."""
+    """On random ways, with reports of different ages; of two robots one that waits may stay where it was reported."""
     pending, rng, robots = PendingForecasts(), np.random.default_rng(4), 60
     t_s, forecasts = [float(n) for n in range(0, 24, 2)], []
     for slot in range(robots):
@@ -161,11 +161,12 @@ def test_each_pair_that_comes_near_at_a_whole_second_is_found_once() -> None:
         ..., :2
     ]
     step_m = np.hypot(*np.diff(way, axis=1).transpose(2, 0, 1)).max(axis=1)
-    stay = np.where(waits[:, None, None], way[:, :1], way)
+    reported = np.array([[forecast.x_m[0], forecast.y_m[0]] for forecast in forecasts])[:, None]
+    stay = np.where(waits[:, None, None], reported, way)
     near = {
         (a, b)
         for a, b in combinations(slots.tolist(), 2)
-        for ways in ((way[a], way[b]), (stay[a], way[b]), (way[a], stay[b]))
+        for ways in ((way[a], way[b]), (stay[a], stay[b]) if waits[a] != waits[b] else (way[a], way[b]))
         if (result[a] or result[b])
         and (np.hypot(*(ways[0] - ways[1]).T) <= reach_m[a] + reach_m[b] + (step_m[a] + step_m[b]) / 2).any()
     }
