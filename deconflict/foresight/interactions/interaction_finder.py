@@ -38,7 +38,7 @@ SETTLED_S = 20.0
 
 
 _Bodies = tuple[tuple[Ints, Floats, Floats], Floats, Floats]
-"""All robots as in `RecentReports.places`, and by slot their half sides and levels as in `InteractionFinder.receive`."""
+"""All robots as in `RecentReports.places`; by slot half sides and levels as in `InteractionFinder.receive`."""
 
 
 class InteractionOutcome(IntEnum):
