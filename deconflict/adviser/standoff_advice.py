@@ -117,7 +117,7 @@ class StandoffAdvice:
         """Robots were updated."""
         self._goals.forget(batch.gone)
         self._following.forget(batch.gone)
-        self._goals.receive(robots, (uuid for uuid in batch.robots if uuid in robots))
+        self._goals.receive(robots, (uuid for uuid in batch.robots if uuid in robots and uuid not in self._crowds))
 
     def answer(self, request_id: str, answer: str, why: str, robots: RobotTable, now_s: float) -> None:
         """What a robot answered to a request.

@@ -1,5 +1,6 @@
 """Robots that stand in each other's way: who waits for whom, and since when."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +20,8 @@ SLOW_MPS = 0.8
 """A robot that is not faster, and has another in its way, is about to stop for it."""
 HEARD_WITHIN_S = 5.0
 """Where a robot is that was last heard longer ago is doubted."""
+MOST_QUEUED = 200
+"""A longer queue behind a robot is not counted to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +79,10 @@ class Standing:
         return set().union(*map(self._robots_behind, (robot, *facing))) - {robot}
 
     def _robots_behind(self, robot: str) -> set[str]:
-        """A robot, and those that stand for it, or for one that stands for it."""
-        found, to_do = {robot}, [robot]
-        while to_do:
-            new = [name for name in self._stand_for.get(to_do.pop(), ()) if name not in found]
+        """A robot, and those that stand for it, or for one that stands for it: about the first `MOST_QUEUED`."""
+        found, to_do = {robot}, deque([robot])
+        while to_do and len(found) <= MOST_QUEUED:
+            new = [name for name in self._stand_for.get(to_do.popleft(), ()) if name not in found]
             found.update(new)
             to_do += new
         return found

@@ -55,7 +55,7 @@ class Claims(Protocol):
     def watched(self) -> Iterable[Pair]:
         """The pairs of robots that are watched."""
 
-    def partly_examined(self) -> Iterable[str]:
+    def partly_examined(self) -> list[str]:
         """The robots of which pairs were left out lately, or that are in a crowd."""
 
 

@@ -1,7 +1,7 @@
 """Slots of robots: the row of each robot in arrays that are kept over many batches."""
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import repeat
 from typing import Any
 
@@ -37,15 +37,14 @@ class RobotSlots:
         """Slots, free ones included."""
         return len(self.uuids)
 
-    def find(self, uuids: Sequence[str]) -> Ints:
+    def find(self, uuids: Collection[str]) -> Ints:
         """(n,) the slot of each robot; -1 for a robot that has none."""
         return np.fromiter(map(self.by_uuid.get, uuids, repeat(-1)), np.int64, len(uuids))
 
     def column(self, numbers: Mapping[str, int]) -> Ints:
         """(slots,) the number of each robot; 0 for a robot that is not in `numbers`, which are few, and a free slot."""
-        column = np.zeros(len(self), np.int64)
-        known = [uuid for uuid in numbers if uuid in self.by_uuid]
-        column[[self.by_uuid[uuid] for uuid in known]] = [numbers[uuid] for uuid in known]
+        column, slots = np.zeros(len(self), np.int64), self.find(numbers)
+        column[slots[slots >= 0]] = np.fromiter(numbers.values(), np.int64, len(numbers))[slots >= 0]
         return column
 
     def assign(self, uuids: Sequence[str]) -> tuple[Ints, list[int]]:

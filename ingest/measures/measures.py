@@ -5,13 +5,17 @@ as the dictionary of `as_document`.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 Labels = tuple[str, ...]
+
+MOST_SERIES, OTHER = 5_000, "other"
+"""A count or distribution has so many series at most: makers can be invented. What comes later is counted with `OTHER`
+for each label."""
 
 LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
 
@@ -99,7 +103,7 @@ def joined_values(documents: Iterable[dict[str, Any]]) -> dict[str, dict[Labels,
 
 
 class Measures:
-    """The measures of one role. The values of labels are limited in number: vendors, rules, states, never robots."""
+    """The measures of one role. Labels are vendors, places, rules, states, never robots."""
 
     def __init__(self) -> None:
         self.values: dict[str, dict[Labels, float]] = defaultdict(dict)
@@ -112,14 +116,13 @@ class Measures:
 
     def count(self, name: str, *labels: str, by: float = 1) -> None:
         series = self.values[name]
+        labels = _kept(labels, series)
         series[labels] = series.get(labels, 0) + by
 
     def count_each(self, name: str, label: str, second_labels: Iterable[str]) -> None:
         """Count 1 for the first label with each of the second labels."""
-        series = self.values[name]
         for second in second_labels:
-            labels = label, second
-            series[labels] = series.get(labels, 0) + 1
+            self.count(name, label, second)
 
     def begin(self, *names: str) -> None:
         """Begin counters at 0. If a counter appears only with its first event, its rise can't be seen."""
@@ -131,7 +134,8 @@ class Measures:
         self.values[name] = dict(series)
 
     def observe(self, name: str, values: ArrayLike, *labels: str, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
-        self.histograms[name].setdefault(labels, Histogram(bounds)).observe(values)
+        series = self.histograms[name]
+        series.setdefault(_kept(labels, series), Histogram(bounds)).observe(values)
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
@@ -150,3 +154,8 @@ class Measures:
                 for name, series in sorted(self.histograms.items())
             },
         }
+
+
+def _kept(labels: Labels, series: Collection[Labels]) -> Labels:
+    """The labels that a value counts with."""
+    return labels if labels in series or len(series) < MOST_SERIES else (OTHER,) * len(labels)

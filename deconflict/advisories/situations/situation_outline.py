@@ -1,7 +1,8 @@
 """Where the advisories of a situation are, as one shape: spots, with thin links between those far apart. Pure."""
 
 from collections.abc import Iterator, Sequence
-from math import hypot
+from itertools import product
+from math import dist
 
 import numpy as np
 import shapely
@@ -13,6 +14,8 @@ MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
 SPOT_M = 5.0
 """Places that are nearer to each other are of one spot."""
+MOST_LINKED = MOST_CORNERS // 4
+"""The outline of more spots has too many corners: each spot has eight, and a link hides few of them."""
 Place = tuple[float, float]
 
 
@@ -31,18 +34,33 @@ def count_spots(places: Sequence[Place]) -> int:
 
 def spot_numbers(places: Sequence[Place]) -> list[int]:
     """The number of the spot of each place, from 0 by their first places."""
+    left: dict[tuple[int, int], list[int]] = {}
+    for index, (x_m, y_m) in enumerate(places):
+        left.setdefault((int(x_m // SPOT_M), int(y_m // SPOT_M)), []).append(index)
     number, spots_so_far = [-1] * len(places), 0
     for first in range(len(places)):
         if number[first] < 0:
-            number[first], reached = spots_so_far, [places[first]]
+            reached = [first]
             while reached:
-                x_m, y_m = reached.pop()
-                for other, (other_x_m, other_y_m) in enumerate(places):
-                    if number[other] < 0 and hypot(x_m - other_x_m, y_m - other_y_m) <= SPOT_M:
-                        number[other] = spots_so_far
-                        reached.append(places[other])
+                near = _taken_near(places, places[reached.pop()], left)
+                reached += near
+                for index in near:
+                    number[index] = spots_so_far
             spots_so_far += 1
     return number
+
+
+def _taken_near(places: Sequence[Place], at_m: Place, left: dict[tuple[int, int], list[int]]) -> list[int]:
+    """Indices of the places near a point, which are taken out of those that are `left`, by square of `SPOT_M`."""
+    column, row = (int(value_m // SPOT_M) for value_m in at_m)
+    taken: list[int] = []
+    for square in product(range(column - 1, column + 2), range(row - 1, row + 2)):
+        stays: list[int] = []
+        for index in left.pop(square, ()):
+            (taken if dist(at_m, places[index]) <= SPOT_M else stays).append(index)
+        if stays:
+            left[square] = stays
+    return taken
 
 
 def outline(group: Group) -> tuple[Place, ...]:
@@ -57,7 +75,8 @@ def outline(group: Group) -> tuple[Place, ...]:
 
 def _areas(places: Sequence[Place]) -> Iterator[shapely.Polygon]:
     """Areas around the places, the closest to them first. Only the last one never has too many corners."""
-    yield _linked(spots(places))
+    if len(hulls := spots(places)) <= MOST_LINKED:
+        yield _linked(hulls)
     yield _around(shapely.multipoints(places).convex_hull)
     yield _around(shapely.multipoints(places).envelope)
 

@@ -1,7 +1,7 @@
 """Situations for all that is published. A fault in them never holds up advisories: machines act on those."""
 
 import logging
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import inf
 
 from deconflict.advisories.situations.people_last import PeopleLast
@@ -60,12 +60,11 @@ class SituationPublisher:
     def stamped_advice(self, advice: Iterable[RobotAdvice]) -> list[RobotAdvice]:
         """What is asked of robots, with the id of the newest situation that is open and has the robot and the one for
         which it is asked. None if there is none yet: robots are asked before people are told."""
-        return [each.model_copy(update={"situation_id": self._situation_with(each)}) for each in advice]
-
-    def _situation_with(self, advice: RobotAdvice) -> str | None:
-        pair = {advice.robot, advice.other or advice.robot}
-        found = [situation for situation in self._open.values() if pair <= set(situation.robots)]
-        return max(found, key=lambda situation: (situation.raised_at, situation.id)).id if found else None
+        of_robot: dict[str, list[Situation]] = {}
+        for situation in self._open.values():
+            for robot in situation.robots:
+                of_robot.setdefault(robot, []).append(situation)
+        return [each.model_copy(update={"situation_id": _situation_with(each, of_robot)}) for each in advice]
 
     def revise(self, now_s: float, revisions: Sequence[AnyAdvisory], measures: Measures) -> list[Situation]:
         """The revisions of situations that follow from those of advisories in one pass, and from the time."""
@@ -97,3 +96,10 @@ class SituationPublisher:
         self._lifecycle.restore((), before.advisories())
         self._has_failed = False
         return [each.cleared_revision(now_s, ClearedCode.FAULT) for each in self._open.values()]
+
+
+def _situation_with(advice: RobotAdvice, of_robot: Mapping[str, list[Situation]]) -> str | None:
+    """`of_robot` are the open situations by robot."""
+    other = advice.other or advice.robot
+    found = [situation for situation in of_robot.get(advice.robot, ()) if other in situation.robots]
+    return max(found, key=lambda situation: (situation.raised_at, situation.id)).id if found else None

@@ -64,21 +64,19 @@ class Crowds:
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
         live, (slots, kind) = self._live, self._overlapping(now_s)
+        before = self._labels.copy()
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
-                for slot in heap.tolist():
-                    uuid = live.uuids[slot]
-                    self._found_s[uuid], self._labels[uuid] = now_s, _label(live.robots[uuid], kind[slot])
-        if not self._found_s and not self._numbers:
-            return {}
-        self._found_s = {
-            uuid: at_s for uuid, at_s in self._found_s.items() if now_s - at_s <= HELD_S and uuid in live.robots
-        }
-        changed = {uuid: uuid in self._found_s for uuid in self._found_s.keys() ^ self._numbers.keys()}
-        self._labels = {uuid: self._labels[uuid] for uuid in self._found_s}
-        self._numbers.clear()
-        self._numbers.update((uuid, self._number(label)) for uuid, label in self._labels.items())
-        return changed
+                uuids = [live.uuids[slot] for slot in heap.tolist()]
+                self._found_s |= dict.fromkeys(uuids, now_s)
+                robots = map(live.robots.__getitem__, uuids)
+                self._labels |= zip(uuids, map(_label, robots, kind[heap].tolist()), strict=True)
+        for uuid in [uuid for uuid, at_s in self._found_s.items() if now_s - at_s > HELD_S or uuid not in live.robots]:
+            del self._found_s[uuid], self._labels[uuid]
+        if self._labels != before:
+            self._numbers.clear()
+            self._numbers.update((uuid, self._number(label)) for uuid, label in self._labels.items())
+        return {uuid: uuid in self._labels for uuid in self._labels.keys() ^ before.keys()}
 
     def _number(self, label: str) -> int:
         return self._label_numbers.setdefault(label, len(self._label_numbers) + 1)

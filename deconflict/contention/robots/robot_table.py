@@ -23,16 +23,7 @@ from deconflict.contention.robots.lookahead import (
     paths_ahead,
 )
 from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
-from deconflict.contention.robots.record_kernels import (
-    AT_REST,
-    ROBOT,
-    STANDS_M,
-    STOP,
-    STRAIGHT,
-    Outlines,
-    rest_of,
-    update_records,
-)
+from deconflict.contention.robots.record_kernels import AT_REST, ROBOT, STANDS_M, STOP, STRAIGHT, Outlines, rest_of
 from deconflict.contention.robots.robot_view import FirstFields, RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.trailers import rows_of_trains
@@ -76,6 +67,9 @@ class RobotTable(Mapping[str, RobotView]):
     def __getitem__(self, uuid: str) -> RobotView:
         return self._views.get(uuid) or self._views.setdefault(uuid, self._view(uuid))
 
+    def __contains__(self, uuid: object) -> bool:
+        return uuid in self._slots.by_uuid
+
     @property
     def uuids(self) -> list[str]:
         """By slot; "" for a free slot."""
@@ -118,7 +112,7 @@ class RobotTable(Mapping[str, RobotView]):
         counts, bound = self._add_stops(batch, view, corrections, slots, floor_numbers)
         is_new = ~self.records["known"][slots] & (batch.basis == Basis.VELOCITY) & (counts > 0)
         begin_ways(self.records, self.steps_m, self.stops, slots[is_new], paths.lines_m[is_new, 0])
-        stale = update_records(
+        stale = record_kernels.update_records(
             self.records,
             self.steps_m,
             slots,

@@ -37,6 +37,8 @@ HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
 """Limits of the level of each band."""
 MOST_CLASSES = 100
 """From this many kinds on, new models of a vendor share one kind."""
+MOST_KINDS = 500
+"""From this many on, new vendors share one, too: they can be invented."""
 FEWEST_KEPT = 1.0
 """A kind with fewer faded cases is not kept over a restart."""
 COLUMNS = {
@@ -164,10 +166,12 @@ class Ledger:
     """(1,) when the bands were last read."""
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
-        """The row of a kind. A new kind gets a row with a prior; models beyond `MOST_CLASSES` kinds share one."""
+        """The row of a kind. A new kind gets a row with a prior; models beyond `MOST_CLASSES` kinds share one, and
+        vendors beyond `MOST_KINDS`."""
         known = self.kinds.get(ForecastKind(vendor, model, basis))
         if known is not None:
             return known
+        vendor = vendor if len(self.kinds) < MOST_KINDS else ""
         kind = ForecastKind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
         if kind in self.kinds:
             return self.kinds[kind]
@@ -186,11 +190,12 @@ class Ledger:
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
         """(n,) the rows of n kinds, most of them alike; see `row`."""
         known: Mapping[Any, int] = self.kinds
-        rows = list(map(known.get, zip(vendors, models, bases, strict=True)))
+        kinds = list(zip(vendors, models, bases, strict=True))
+        rows = list(map(known.get, kinds))
         if None not in rows:
             return cast(list[int], rows)
-        kinds = zip(vendors, models, map(Basis, bases), strict=True)
-        return [self.row(*kind, now_s) for kind in kinds]
+        new = {kind: self.row(*kind[:2], Basis(kind[2]), now_s) for kind in kinds if kind not in known}
+        return [new[kind] if row is None else row for kind, row in zip(kinds, rows, strict=True)]
 
     def bands_of(self, batch: Batch) -> Floats:
         """The radii that should contain the errors of a batch's forecasts, by what is known before its reports."""

@@ -152,9 +152,10 @@ class TrackedRobots:
         slots = self.slots_of(sorted(resting))
         return slots[self.is_dormant[slots] & (heard_s[slots] <= now_s - RESTS_AFTER_S)]
 
-    def slots_of(self, uuids: Iterable[str]) -> Ints:
+    def slots_of(self, uuids: Collection[str]) -> Ints:
         """(n,) the slots of those of `uuids` that are known."""
-        return np.array([self.slots[uuid] for uuid in uuids if uuid in self.slots], np.int64)
+        slots = self._slots.find(uuids)
+        return slots[slots >= 0]
 
     def relative_poses(self, history: ReportHistory, a: Ints, b: Ints, looks: Looks) -> tuple[RelativePoses, Floats]:
         """The robots of slots `b` (n,) as seen from `a` (n,), and (n, k + m) their distances with their trailers, 0 or

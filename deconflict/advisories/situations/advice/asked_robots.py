@@ -30,11 +30,16 @@ class AskedRobots:
     def __init__(self) -> None:
         self._asked: dict[str, RobotAdvice] = {}
         """The newest revision of each, by id."""
+        self._of_robot: dict[str, list[RobotAdvice]] = {}
+        """The same by the robot that was asked."""
 
     def take(self, revisions: Iterable[RobotAdvice], now_s: float) -> None:
         """Revisions of requests, also those that only have an answer now."""
         self._asked |= {advice.id: advice for advice in revisions}
         self._asked = {name: each for name, each in self._asked.items() if _ended_s_ago(each, now_s) < FORGOTTEN_S}
+        self._of_robot = {}
+        for each in self._asked.values():
+            self._of_robot.setdefault(each.robot, []).append(each)
 
     def should_end(self, advisory: AnyAdvisory, now_s: float) -> bool:
         """Whether people wait for what robots do about an advisory: what stands in the way of each other, and asks for
@@ -60,7 +65,7 @@ class AskedRobots:
     def _asked_about(self, advisory: AnyAdvisory) -> list[RobotAdvice]:
         """What was asked of one of its robots for another of them."""
         robots = {*advisory.robots, None}
-        return [each for each in self._asked.values() if {each.robot, each.other} <= robots]
+        return [each for robot in advisory.robots for each in self._of_robot.get(robot, ()) if each.other in robots]
 
 
 def _needs_person(blockage: BlockageAdvisory) -> bool:

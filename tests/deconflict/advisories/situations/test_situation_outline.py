@@ -5,7 +5,7 @@ import pytest
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from deconflict.advisories.situations.situation_outline import SPOT_M, spot_numbers
+from deconflict.advisories.situations.situation_outline import MOST_LINKED, SPOT_M, _linked, spot_numbers, spots
 from deconflict_client.situations import MOST_CORNERS
 from tests.deconflict.advisories.situations.made_situations import conflict, raised
 
@@ -30,6 +30,11 @@ def test_places_apart_are_spots_with_a_thin_link() -> None:
 def test_an_outline_of_many_spots_has_few_corners() -> None:
     ring = [conflict(pair, x_m=6.5 * index) for index, pair in enumerate(["ab", "bc", "cd", "de"])]
     assert len(raised(ring).outline) <= MOST_CORNERS
+
+
+def test_more_spots_than_are_linked_have_too_many_corners() -> None:
+    in_line = [(SPOT_M * 1.01 * index, 0.0) for index in range(MOST_LINKED + 1)]
+    assert shapely.get_num_coordinates(_linked(spots(in_line))) > MOST_CORNERS + 1
 
 
 @pytest.mark.parametrize("seed", range(20))
