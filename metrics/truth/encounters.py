@@ -49,11 +49,14 @@ class RecordedEncounter:
 class EncounterFinder:
     """Finds the encounters below each of several thresholds while reports arrive."""
 
-    def __init__(self, thresholds_m: Sequence[float], drawn_apart_m: float, most_near: float = inf) -> None:
+    def __init__(
+        self, thresholds_m: Sequence[float], drawn_apart_m: float, most_near: float = inf, *, draws_scenes: bool = True
+    ) -> None:
         """A pair has drawn apart `drawn_apart_m` above a threshold: `conflict.clear_margin_m`. `advance` raises
-        `TooManyPairsError` if more than `most_near` pairs a robot are near, on average of some samples."""
+        `TooManyPairsError` if more than `most_near` pairs a robot are near, on average of some samples. Without
+        `draws_scenes` there are no `scenes`, which take most of the time where many robots are near each other."""
         self.motion = RecordedMotion()
-        self.scenes = NearestScenes(STEP_S)
+        self.scenes, self._draws_scenes = NearestScenes(STEP_S), draws_scenes
         self.silences = Silences(self.motion.slots)
         self._below = {threshold_m: ThresholdEncounters(threshold_m, drawn_apart_m) for threshold_m in thresholds_m}
         self._most_near = most_near
@@ -128,7 +131,8 @@ class EncounterFinder:
         near = self._without_people(separations(sampled, within_m, most))
         for below in self._below.values():
             below.advance(near, sampled, self.motion)
-        self.scenes.add(sampled, near, self.motion)
+        if self._draws_scenes:
+            self.scenes.add(sampled, near, self.motion)
         self.silences.find_driven_through(sampled)
 
     def _without_people(self, near: Separations) -> Separations:

@@ -6,7 +6,7 @@ with all. Who overlaps with those of their vendor makes nobody else overlap, and
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -23,6 +23,10 @@ HEARD_S = 10.0
 that is in a crowd when it falls silent stays in it."""
 HELD_S = 5.0
 """A robot is in a crowd until it has not overlapped with it for this long."""
+
+MOST_LABELS = 3
+"""If more crowds are in one heap, they are one: makers can be invented, and a person goes to one place."""
+SEVERAL = "several vendors at several addresses"
 
 NONE, OF_VENDOR, OF_SOURCE, OF_ALL = range(4)
 """With whom a robot overlaps: nobody, those of its vendor, those of its source, or others."""
@@ -69,8 +73,8 @@ class Crowds:
             if len(heap) >= FEWEST:
                 uuids = [live.uuids[slot] for slot in heap.tolist()]
                 self._found_s |= dict.fromkeys(uuids, now_s)
-                robots = map(live.robots.__getitem__, uuids)
-                self._labels |= zip(uuids, map(_label, robots, kind[heap].tolist()), strict=True)
+                labels = _heap_labels([live.robots[uuid] for uuid in uuids], kind[heap].tolist())
+                self._labels |= zip(uuids, labels, strict=True)
         for uuid in [uuid for uuid, at_s in self._found_s.items() if now_s - at_s > HELD_S or uuid not in live.robots]:
             del self._found_s[uuid], self._labels[uuid]
         if self._labels != before:
@@ -124,10 +128,23 @@ class Crowds:
         return Crowd(label, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
 
 
+def _heap_labels(robots: Sequence[LiveRobot], kinds: Sequence[int]) -> list[str]:
+    """The labels of the crowds of the robots of one heap; `kinds` is with whom each overlaps."""
+    labels = [_label(robot, kind) for robot, kind in zip(robots, kinds, strict=True)]
+    if len(set(labels)) <= MOST_LABELS:
+        return labels
+    sources = {robot.source for robot in robots}
+    return [SEVERAL if len(sources) > 1 else _several_at(sources.pop())] * len(labels)
+
+
 def _label(robot: LiveRobot, kind: int) -> str:
     if kind == OF_VENDOR:
         return robot.vendor
-    return f"several vendors at {robot.source}" if kind == OF_SOURCE else "several vendors at several addresses"
+    return _several_at(robot.source) if kind == OF_SOURCE else SEVERAL
+
+
+def _several_at(source: str) -> str:
+    return f"several vendors at {source}"
 
 
 def _heaps(live: LiveRobots, slots: Ints) -> list[Ints]:

@@ -7,6 +7,7 @@ drift (Gibbs and Candes 2021, adaptive conformal inference). Old errors fade by 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple, cast
 
 import numba
@@ -37,7 +38,7 @@ HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
 """Limits of the level of each band."""
 MOST_CLASSES = 100
 """From this many kinds on, new models of a vendor share one kind."""
-MOST_KINDS = 500
+MOST_KINDS = 200
 """From this many on, new vendors share one, too: they can be invented."""
 FEWEST_KEPT = 1.0
 """A kind with fewer faded cases is not kept over a restart."""
@@ -132,6 +133,16 @@ def _widen(bands_m: Floats, rows: Ints) -> None:
                     bands_m[row, column, band] = max(bands_m[row, column, band], bands_m[row, column - 1, band])
 
 
+@cache
+def _prior(basis: Basis) -> Floats:
+    """(1, 3, HORIZONS, BINS) what a new kind counts before its first error."""
+    prior = np.zeros((1, 3, HORIZONS, BINS))
+    for horizon in range(HORIZONS):
+        spread = bins(PRIOR_SPREAD * PRIOR_MPS[basis] * (horizon + 1))
+        np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
+    return prior
+
+
 class ForecastKind(NamedTuple):
     """Forecasts whose errors are counted together."""
 
@@ -166,36 +177,39 @@ class Ledger:
     """(1,) when the bands were last read."""
 
     def row(self, vendor: str, model: str, basis: Basis, now_s: float) -> int:
-        """The row of a kind. A new kind gets a row with a prior; models beyond `MOST_CLASSES` kinds share one, and
-        vendors beyond `MOST_KINDS`."""
-        known = self.kinds.get(ForecastKind(vendor, model, basis))
-        if known is not None:
-            return known
-        vendor = vendor if len(self.kinds) < MOST_KINDS else ""
-        kind = ForecastKind(vendor, model if len(self.kinds) < MOST_CLASSES else "", basis)
-        if kind in self.kinds:
-            return self.kinds[kind]
-        row = self.kinds[kind] = len(self.kinds)
-        prior = np.zeros((1, 3, HORIZONS, BINS))
-        for horizon in range(HORIZONS):
-            spread = bins(PRIOR_SPREAD * PRIOR_MPS[basis] * (horizon + 1))
-            np.add.at(prior[0, RADIAL, horizon], spread, PRIOR_CASES / len(spread))
-        self.counts = np.concatenate([self.counts, prior])
-        self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (1, HORIZONS, 3))])
-        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "stale"), 1)
-        self.as_of_s[row] = now_s
-        self._read_bands(np.array([row]))
-        return row
+        """The row of a kind, see `rows`."""
+        return self.rows((vendor,), (model,), (basis,), now_s)[0]
 
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
-        """(n,) the rows of n kinds, most of them alike; see `row`."""
+        """(n,) the rows of n kinds, most of them alike. New kinds get rows with a prior; models beyond `MOST_CLASSES`
+        kinds share one, and vendors beyond `MOST_KINDS`."""
         known: Mapping[Any, int] = self.kinds
-        kinds = list(zip(vendors, models, bases, strict=True))
+        kinds, before = list(zip(vendors, models, bases, strict=True)), len(self.kinds)
         rows = list(map(known.get, kinds))
         if None not in rows:
             return cast(list[int], rows)
-        new = {kind: self.row(*kind[:2], Basis(kind[2]), now_s) for kind in kinds if kind not in known}
-        return [new[kind] if row is None else row for kind, row in zip(kinds, rows, strict=True)]
+        rows_now = [self._number(*kind) if row is None else row for kind, row in zip(kinds, rows, strict=True)]
+        if len(self.kinds) > before:
+            self._grow(list(self.kinds)[before:], now_s)
+        return rows_now
+
+    def _number(self, vendor: str, model: str, basis: int) -> int:
+        """The row that a kind has, or will have."""
+        if (kind := ForecastKind(vendor, model, Basis(basis))) not in self.kinds:
+            vendor, model = (
+                vendor if len(self.kinds) < MOST_KINDS else "",
+                model if len(self.kinds) < MOST_CLASSES else "",
+            )
+            kind = ForecastKind(vendor, model, Basis(basis))
+        return self.kinds.setdefault(kind, len(self.kinds))
+
+    def _grow(self, new: Sequence[ForecastKind], now_s: float) -> None:
+        """Append the rows of new kinds."""
+        self.counts = np.concatenate([self.counts, *(_prior(kind.basis) for kind in new)])
+        self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (len(new), HORIZONS, 3))])
+        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "stale"), len(new))
+        self.as_of_s[-len(new) :] = now_s
+        self._read_bands(np.arange(len(self.counts) - len(new), len(self.counts)))
 
     def bands_of(self, batch: Batch) -> Floats:
         """The radii that should contain the errors of a batch's forecasts, by what is known before its reports."""
@@ -204,8 +218,9 @@ class Ledger:
 
     def add_kinds(self, other: "Ledger", now_s: float) -> None:
         """Add the kinds that another ledger has got since the last call, so that they have the same rows here."""
-        for kind in list(other.kinds)[len(self.kinds) :]:
-            self.row(*kind, now_s)
+        if new := list(other.kinds)[len(self.kinds) :]:
+            vendors, models, bases = zip(*new, strict=True)
+            self.rows(vendors, models, bases, now_s)
 
     def record(self, errors: Errors, now_s: float) -> None:
         """Count errors. The bands follow at most once in `REFRESH_S`."""

@@ -65,7 +65,8 @@ class WarningJudge:
 
     def _begin(self) -> None:
         clearance_m, drawn_apart_m = self._bounds_m
-        self._truth, self._interactions = EncounterFinder([clearance_m], drawn_apart_m, MOST_NEAR), Interactions()
+        self._truth = EncounterFinder([clearance_m], drawn_apart_m, MOST_NEAR, draws_scenes=False)
+        self._interactions = Interactions()
         self._outcomes = AllPairOutcomes(self._truth, self._interactions, clearance_m)
         self._forecasts, self._waits = ForecastScores(MOST_KINDS), AdvisedWaits()
         self._vendor_of: dict[str, str] = {}

@@ -1,5 +1,7 @@
 """From overlapping robots to crowds: how many, for how long, and where."""
 
+import pytest
+
 from deconflict.contention.crowds.crowds import FEWEST, HEARD_S, HELD_S, Crowds
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.fleet_factory import fleet_of
@@ -83,6 +85,22 @@ def test_robots_of_many_sources_are_one_crowd() -> None:
     assert stage.crowds.numbers.keys() == uuids(heap(12))
     (crowd,) = stage.crowds.standing()
     assert crowd.label == "several vendors at several addresses"
+
+
+@pytest.mark.parametrize(
+    ("vendors", "sources", "labels"),
+    [
+        (3, 3, ["Maker 0", "Maker 1", "Maker 2"]),
+        (4, 4, ["several vendors at several addresses"]),
+        (4, 1, ["several vendors at 10.0.0.0"]),
+    ],
+)
+def test_the_crowds_of_many_vendors_in_one_heap_are_one(vendors: int, sources: int, labels: list[str]) -> None:
+    stage = Stage()
+    for vendor in range(vendors):
+        stage.says(heap(12, name=f"M{vendor}"), f"Maker {vendor}", f"10.0.0.{vendor % sources}")
+    assert [crowd.label for crowd in stage.crowds.standing()] == labels
+    assert len(stage.crowds.numbers) == 12 * vendors
 
 
 def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
