@@ -6,6 +6,7 @@ A robot that has grown to the limit, and whose forecast has ended, is dormant: u
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
+from itertools import compress
 from math import floor, inf
 
 import numpy as np
@@ -49,8 +50,9 @@ class PairClaims:
         """The robots that were heard lately, and of which pairs were left out lately, or that are in a crowd; in
         ascending order."""
         robots = self._live.robots
-        concerned = (self._left_out_s.keys() | self._crowds.keys()) & robots.keys()
-        return sorted(uuid for uuid in concerned if robots[uuid].event_s >= self._now_s - LATELY_S)
+        concerned = sorted((self._left_out_s.keys() | self._crowds.keys()) & robots.keys())
+        heard_s = self._live.event_s[[robots[uuid].slot for uuid in concerned]]
+        return list(compress(concerned, (heard_s >= self._now_s - LATELY_S).tolist()))
 
     def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
         live = self._live

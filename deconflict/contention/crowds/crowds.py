@@ -6,7 +6,7 @@ with all. Who overlaps with those of their vendor makes nobody else overlap, and
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import NamedTuple
 
@@ -73,8 +73,7 @@ class Crowds:
             if len(heap) >= FEWEST:
                 uuids = [live.uuids[slot] for slot in heap.tolist()]
                 self._found_s |= dict.fromkeys(uuids, now_s)
-                labels = _heap_labels([live.robots[uuid] for uuid in uuids], kind[heap].tolist())
-                self._labels |= zip(uuids, labels, strict=True)
+                self._labels |= zip(uuids, self._heap_labels(heap, kind[heap]), strict=True)
         for uuid in [uuid for uuid, at_s in self._found_s.items() if now_s - at_s > HELD_S or uuid not in live.robots]:
             del self._found_s[uuid], self._labels[uuid]
         if self._labels != before:
@@ -110,6 +109,18 @@ class Crowds:
                 at[found] = np.nan
         return slots[kind[slots] != NONE], kind
 
+    def _heap_labels(self, heap: Ints, kind: Ints) -> list[str]:
+        """The labels of the crowds of the robots of one heap (n,); `kind` (n,) is with whom each overlaps."""
+        live = self._live
+        number = np.select([kind == OF_VENDOR, kind == OF_SOURCE], [live.vendor[heap], live.source[heap]], 0)
+        _, rows, label_of = np.unique(4 * number + kind, return_index=True, return_inverse=True)
+        robots = [live.robots[live.uuids[slot]] for slot in heap[rows].tolist()]
+        if len(rows) > MOST_LABELS:
+            is_of_one_source = bool((live.source[heap] == live.source[heap[0]]).all())
+            return [_several_at(robots[0].source) if is_of_one_source else SEVERAL] * len(heap)
+        labels = list(map(_label, robots, kind[rows].tolist()))
+        return [labels[number] for number in label_of.tolist()]
+
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by label and floor."""
         live, slots = self._live, defaultdict[tuple[str, float], list[int]](list)
@@ -128,15 +139,6 @@ class Crowds:
         return Crowd(label, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
 
 
-def _heap_labels(robots: Sequence[LiveRobot], kinds: Sequence[int]) -> list[str]:
-    """The labels of the crowds of the robots of one heap; `kinds` is with whom each overlaps."""
-    labels = [_label(robot, kind) for robot, kind in zip(robots, kinds, strict=True)]
-    if len(set(labels)) <= MOST_LABELS:
-        return labels
-    sources = {robot.source for robot in robots}
-    return [SEVERAL if len(sources) > 1 else _several_at(sources.pop())] * len(labels)
-
-
 def _label(robot: LiveRobot, kind: int) -> str:
     if kind == OF_VENDOR:
         return robot.vendor
@@ -150,19 +152,20 @@ def _several_at(source: str) -> str:
 def _heaps(live: LiveRobots, slots: Ints) -> list[Ints]:
     """These robots, heap by heap: those of one floor, and of one size within a factor of two, whose cells are side by
     side."""
-    cells: defaultdict[Cell, list[int]] = defaultdict(list)
     radius_m = np.hypot(*live.sizes_m[slots].T) / 2
     side_m = CELL_M * 2.0 ** np.ceil(np.log2(np.maximum(radius_m / CELL_M, 1.0)))
-    columns = live.at[slots, 2], side_m, *np.floor(live.at[slots, :2].T / side_m)
-    for slot, floor, side, x, y in zip(slots.tolist(), *(column.tolist() for column in columns), strict=True):
-        cells[floor, side, x, y].append(slot)
+    at = np.column_stack([live.at[slots, 2], side_m, *np.floor(live.at[slots, :2].T / side_m)])
+    order = np.lexsort(at.T)
+    begins = np.flatnonzero(np.diff(at[order], axis=0, prepend=np.nan).any(axis=1))
+    of_cell = np.split(slots[order], begins[1:])
+    cells: dict[Cell, Ints] = dict(zip(map(tuple, at[order[begins]].tolist()), of_cell, strict=True))
     heaps = []
     while cells:
-        heap, waiting = list[int](), [next(iter(cells))]
+        heap, waiting = list[Ints](), [next(iter(cells))]
         while waiting:
             floor, side, x, y = cell = waiting.pop()
-            heap += cells.pop(cell, ())
+            heap += [cells.pop(cell)] if cell in cells else []
             beside = ((floor, side, x + east, y + north) for east, north in product((-1, 0, 1), repeat=2))
             waiting += [cell for cell in beside if cell in cells]
-        heaps.append(np.array(heap, np.int64))
+        heaps.append(np.concatenate(heap))
     return heaps
