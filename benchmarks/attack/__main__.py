@@ -8,20 +8,22 @@ restarts, how long after the attack everything was well again, and how long a re
 
 The attacks with robots are `crowd` and `origin`; `large` (1,000 of `--size` metres that stand), `makers` (1,000 of 64
 invented makers within 3 m) and `silent-crowd`, whose messages are made before they begin; and `maker-burst`, one burst
-of 40,000 states of 3,000 makers at a broker (mosquitto). With `--turns N` each attack runs so often in turns with the
-same scene without it, and for each limit a line says whether it held, during the attack and for a minute after it.
+of 40,000 states of 3,000 makers at a broker (mosquitto). With `--turns N` attacks of one scene run so often in turns
+with the scene without any, and for each limit a line says whether it held, during the attack and for a minute after it.
 """
 
 import argparse
 import json
 import shutil
 import tempfile
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import Any
 
-from benchmarks.attack.attack_run import ATTACKS, BURST, NONE, Plan, run
+from benchmarks.attack.attack_run import ATTACKS, BURST, NONE, Plan, run, scene_of
 from benchmarks.attack.maker_burst import broker_is_installed
-from benchmarks.attack.turns import report
+from benchmarks.attack.turns import Result, report
 
 HEADINGS = (
     "attack", "told before", "during", "after", "p50 / p99 ms before", "during", "after", "memory, of usual",
@@ -33,7 +35,7 @@ AFTER_S, AFTER_TURNS_S = 30.0, 60.0
 """How long honest robots are measured after an attack, and in turns."""
 
 
-def row(result: dict[str, Any]) -> str:
+def row(result: Result) -> str:
     """A row of the table."""
     phases = [result[phase] for phase in ("before", "during", "after")]
     memory = (f"{role} {used['most'] / used['usual']:.1f}" for role, used in sorted(result["memory_mb"].items()))
@@ -66,28 +68,38 @@ def main() -> None:
         arguments.error(f"no attack is called {', '.join(sorted(unknown))}; expected some of {', '.join(ATTACKS)}")
     after_s = AFTER_TURNS_S if args.turns else AFTER_S
     plan = Plan(args.robots, args.size, args.pairs, seconds=args.seconds, after_s=after_s, core=args.core)
-    results: list[dict[str, Any]] = []
-    if not args.turns:
-        print("| " + " | ".join(HEADINGS) + " |\n" + "| --- " * len(HEADINGS) + "|", flush=True)
-    for attack in args.attacks or ATTACKS:
-        if attack == BURST and not broker_is_installed():
-            print(f"{attack} is left out: install mosquitto, which is the broker that it needs")
-            continue
-        results += _in_turns(attack, plan, args.turns) if args.turns else [_result(attack, plan)]
-        if not args.turns:
-            print(row(results[-1]), flush=True)
+    attacks = [attack for attack in args.attacks or ATTACKS if attack != BURST or broker_is_installed()]
+    if BURST in (args.attacks or ATTACKS) and BURST not in attacks:
+        print(f"{BURST} is left out: install mosquitto, which is the broker that it needs")
+    run_all = partial(_in_turns, turns=args.turns) if args.turns else _one_by_one
+    results = []
+    for result in run_all(attacks, plan):
+        results.append(result)
         if args.json:
             args.json.write_text(json.dumps(results, indent=2) + "\n")
 
 
-def _in_turns(attack: str, plan: Plan, turns: int) -> list[dict[str, Any]]:
-    """The results of runs without and with an attack, in turns."""
-    results = [_result(each, plan, attack) for _ in range(turns) for each in (NONE, attack)]
-    print("\n".join(report(attack, results[::2], results[1::2])), flush=True)
-    return results
+def _one_by_one(attacks: Sequence[str], plan: Plan) -> Iterator[Result]:
+    """Run each attack once, and print a table."""
+    print("| " + " | ".join(HEADINGS) + " |\n" + "| --- " * len(HEADINGS) + "|", flush=True)
+    for attack in attacks:
+        yield (result := _result(attack, plan))
+        print(row(result), flush=True)
 
 
-def _result(attack: str, plan: Plan, scene: str = "") -> dict[str, Any]:
+def _in_turns(attacks: Sequence[str], plan: Plan, turns: int) -> Iterator[Result]:
+    """Run the attacks of each scene in turns with the scene alone, and print what held after each turn."""
+    for scene, of_scene in groupby(sorted(attacks, key=scene_of), key=scene_of):
+        results: dict[str, list[Result]] = {NONE: [], **{attack: [] for attack in of_scene}}
+        for _ in range(turns):
+            for attack, so_far in results.items():
+                yield (result := _result(attack, plan, scene))
+                so_far.append(result)
+            without = results[NONE]
+            print("\n".join(line for a in [*results][1:] for line in report(a, without, results[a])), flush=True)
+
+
+def _result(attack: str, plan: Plan, scene: str = "") -> Result:
     data = Path(tempfile.mkdtemp(prefix="attack-"))
     try:
         return run(attack, plan, data, scene)

@@ -18,6 +18,7 @@ from benchmarks.endtoend import Running, service, since
 from ingest.measures.measures import Histogram
 
 NONE, BURST = "none", "maker-burst"
+PLAIN, BROKER = "plain", "with a broker"
 CROWDS = ("crowd", "origin")
 ATTACKS = (NONE, *CROWDS, *FLOODS, *SWARMS, BURST)
 MOST_ROBOTS = 220
@@ -50,9 +51,8 @@ class Plan:
 
 
 def run(attack: str, plan: Plan, data: Path, scene: str = "") -> dict[str, Any]:
-    """One attack on a new service, and a restart on its data. `scene` is the attack without which the scene is the
-    same, if it is not this one."""
-    with _scene(scene or attack, data) as running:
+    """One attack on a new service, and a restart on its data; in a `scene` without the restart."""
+    with _scene(scene or scene_of(attack), data) as running:
         subscriber, samples, start_s = Subscriber(_stream(running), plan.pairs), Samples(running), time.time()
         with sending(running.url, "honest", 2 * plan.pairs, start_s):
             time.sleep(plan.settle_s)
@@ -79,15 +79,20 @@ def run(attack: str, plan: Plan, data: Path, scene: str = "") -> dict[str, Any]:
         "restarts": restarts,
         "health": dict(Counter(status for _, status in samples.health)),
         "canary_s": max((latency_s for _, latency_s in samples.canary_s), default=0.0),
-        "healthy_after_restart_s": _restart_s(data),
+        "healthy_after_restart_s": None if scene else _restart_s(data),
     }
 
 
+def scene_of(attack: str) -> str:
+    """The scene of an attack: with a broker if it goes there."""
+    return BROKER if attack == BURST else PLAIN
+
+
 @contextmanager
-def _scene(attack: str, data: Path) -> Iterator[Running]:
-    """The service that is attacked, and a broker if the attack goes there."""
-    changes = {"mqtt_sources": sources(["vda5050"])} if attack == BURST else None
-    with broker() if attack == BURST else nullcontext(), service(data_directory=data, changes=changes) as running:
+def _scene(scene: str, data: Path) -> Iterator[Running]:
+    """The service that is attacked, and a broker if that is in the scene."""
+    changes = {"mqtt_sources": sources(["vda5050"])} if scene == BROKER else None
+    with broker() if scene == BROKER else nullcontext(), service(data_directory=data, changes=changes) as running:
         yield running
 
 
