@@ -9,7 +9,8 @@ restarts, how long after the attack everything was well again, and how long a re
 The attacks with robots are `crowd` and `origin`; `large` (1,000 of `--size` metres that stand), `makers` (1,000 of 64
 invented makers within 3 m) and `silent-crowd`, whose messages are made before they begin; and `maker-burst`, one burst
 of 40,000 states of 3,000 makers at a broker (mosquitto). With `--turns N` attacks of one scene run so often in turns
-with the scene without any, and for each limit a line says whether it held, during the attack and for a minute after it.
+with the scene without any, and for each limit a line says whether it held, during the attack and for a minute after it;
+no run is started again on its data then.
 """
 
 import argparse

@@ -79,7 +79,7 @@ def run(attack: str, plan: Plan, data: Path, scene: str = "") -> dict[str, Any]:
         "restarts": restarts,
         "health": dict(Counter(status for _, status in samples.health)),
         "canary_s": max((latency_s for _, latency_s in samples.canary_s), default=0.0),
-        "healthy_after_restart_s": None if scene else _restart_s(data),
+        **({} if scene else {"healthy_after_restart_s": _restart_s(data)}),
     }
 
 

@@ -115,7 +115,7 @@ class StandoffAdvice:
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots were updated."""
-        self._goals.forget(batch.gone)
+        self._goals.forget([*batch.gone, *(uuid for uuid in batch.robots if uuid in self._crowds)])
         self._following.forget(batch.gone)
         self._goals.receive(robots, (uuid for uuid in batch.robots if uuid in robots and uuid not in self._crowds))
 

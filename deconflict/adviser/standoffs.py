@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -70,19 +71,21 @@ class Standing:
         return found
 
     def behind(self, robot: str) -> int:
-        """How many robots stand for a robot, or for one that stands for it."""
+        """How many robots stand for a robot, or for one that stands for it; at most `MOST_QUEUED`."""
         return len(self._robots_behind(robot)) - 1
 
     def held_up_by(self, robot: str) -> set[str]:
-        """The robots that stand for a robot, or for one that stands for it; also before a free crossing."""
+        """The robots that stand for a robot, or for one that stands for it; also before a free crossing. At most
+        `MOST_QUEUED` of each robot."""
         facing = [other for crossing in self.crossings if robot in crossing.robots for other in crossing.robots]
         return set().union(*map(self._robots_behind, (robot, *facing))) - {robot}
 
     def _robots_behind(self, robot: str) -> set[str]:
-        """A robot, and those that stand for it, or for one that stands for it: about the first `MOST_QUEUED`."""
+        """A robot, and the first `MOST_QUEUED` that stand for it, or for one that stands for it."""
         found, to_do = {robot}, deque([robot])
-        while to_do and len(found) <= MOST_QUEUED:
-            new = [name for name in self._stand_for.get(to_do.popleft(), ()) if name not in found]
+        while to_do:
+            behind = (name for name in self._stand_for.get(to_do.popleft(), ()) if name not in found)
+            new = list(islice(behind, MOST_QUEUED + 1 - len(found)))
             found.update(new)
             to_do += new
         return found

@@ -42,7 +42,7 @@ class RobotSlots:
         return np.fromiter(map(self.by_uuid.get, uuids, repeat(-1)), np.int64, len(uuids))
 
     def column(self, numbers: Mapping[str, int]) -> Ints:
-        """(slots,) the number of each robot; 0 for a robot that is not in `numbers`, which are few, and a free slot."""
+        """(slots,) the number of each robot; 0 for a robot that is not in `numbers`, and for a free slot."""
         column, slots = np.zeros(len(self), np.int64), self.find(numbers)
         column[slots[slots >= 0]] = np.fromiter(numbers.values(), np.int64, len(numbers))[slots >= 0]
         return column

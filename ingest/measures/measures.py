@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 Labels = tuple[str, ...]
 
 MOST_SERIES, OTHER = 5_000, "other"
-"""A count or distribution has so many series at most: makers can be invented. What comes later is counted with `OTHER`
-for each label."""
+"""A count or distribution has so many series at most: pairs of vendors, places and rules multiply. What comes later is
+counted with `OTHER` for each label. `OTHER` is also the vendor of makers that are too many."""
 
 LATENCY_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.75, 1.0, 2.5, 5.0, 10.0)
 
@@ -116,7 +116,7 @@ class Measures:
 
     def count(self, name: str, *labels: str, by: float = 1) -> None:
         series = self.values[name]
-        labels = _kept(labels, series)
+        labels = _bounded(labels, series)
         series[labels] = series.get(labels, 0) + by
 
     def count_each(self, name: str, label: str, second_labels: Iterable[str]) -> None:
@@ -135,7 +135,7 @@ class Measures:
 
     def observe(self, name: str, values: ArrayLike, *labels: str, bounds: tuple[float, ...] = LATENCY_BOUNDS_S) -> None:
         series = self.histograms[name]
-        series.setdefault(_kept(labels, series), Histogram(bounds)).observe(values)
+        series.setdefault(_bounded(labels, series), Histogram(bounds)).observe(values)
 
     def as_document(self) -> dict[str, Any]:
         """JSON-ready: `values` and `histograms`, each name to a list of `[labels, ...]` rows."""
@@ -156,6 +156,6 @@ class Measures:
         }
 
 
-def _kept(labels: Labels, series: Collection[Labels]) -> Labels:
+def _bounded(labels: Labels, series: Collection[Labels]) -> Labels:
     """The labels that a value counts with."""
     return labels if labels in series or len(series) < MOST_SERIES else (OTHER,) * len(labels)

@@ -335,8 +335,8 @@ ALERTING_RULES = (
         f"{level('deconflict_advisories_open', where={'kind': 'crowd'})} > 0",
         "0s",
         "page",
-        "Many robots of a vendor report from one place",
-        "{{ $value }} times robots of one vendor report from one place of a floor, where they can't all be. Conflicts "
+        "Many robots report from one place",
+        "{{ $value }} times robots report from one place, where they can't all be. Conflicts "
         "among them are not reported. GET /advisories?kind=crowd names the vendor, the place and ten of the robots.",
     ),
 )

@@ -1,21 +1,24 @@
 """Where the advisories of a situation are, as one shape: spots, with thin links between those far apart. Pure."""
 
 from collections.abc import Iterator, Sequence
-from itertools import product
-from math import dist
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict_client.situations import MOST_CORNERS
+from ingest.batch import Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
 SPOT_M = 5.0
 """Places that are nearer to each other are of one spot."""
+SQUARE_M = SPOT_M / 2**0.5
+"""All places in a square of this side are of one spot."""
 MOST_LINKED = MOST_CORNERS // 4
-"""The outline of more spots has too many corners: each spot has eight, and a link hides few of them."""
+"""The outline of more spots mostly has too many corners: each spot has eight, and a link hides few of them."""
 Place = tuple[float, float]
 
 
@@ -34,33 +37,17 @@ def count_spots(places: Sequence[Place]) -> int:
 
 def spot_numbers(places: Sequence[Place]) -> list[int]:
     """The number of the spot of each place, from 0 by their first places."""
-    left: dict[tuple[int, int], list[int]] = {}
-    for index, (x_m, y_m) in enumerate(places):
-        left.setdefault((int(x_m // SPOT_M), int(y_m // SPOT_M)), []).append(index)
-    number, spots_so_far = [-1] * len(places), 0
-    for first in range(len(places)):
-        if number[first] < 0:
-            reached = [first]
-            while reached:
-                near = _taken_near(places, places[reached.pop()], left)
-                reached += near
-                for index in near:
-                    number[index] = spots_so_far
-            spots_so_far += 1
-    return number
-
-
-def _taken_near(places: Sequence[Place], at_m: Place, left: dict[tuple[int, int], list[int]]) -> list[int]:
-    """Indices of the places near a point, which are taken out of those that are `left`, by square of `SPOT_M`."""
-    column, row = (int(value_m // SPOT_M) for value_m in at_m)
-    taken: list[int] = []
-    for square in product(range(column - 1, column + 2), range(row - 1, row + 2)):
-        stays: list[int] = []
-        for index in left.pop(square, ()):
-            (taken if dist(at_m, places[index]) <= SPOT_M else stays).append(index)
-        if stays:
-            left[square] = stays
-    return taken
+    if not places:
+        return []
+    at_m = np.array(places, np.float64)
+    _, square = np.unique(np.floor(at_m / SQUARE_M), axis=0, return_inverse=True)
+    order = np.argsort(square, kind="stable")
+    squares = shapely.multipoints(at_m[order], indices=square[order])
+    near = shapely.STRtree(squares).query(squares, predicate="dwithin", distance=SPOT_M)
+    _, spot_of = connected_components(coo_array((np.ones(near.shape[1]), near), (len(squares),) * 2), directed=False)
+    _, firsts, spot = np.unique(spot_of[square], return_index=True, return_inverse=True)
+    number: Ints = np.argsort(np.argsort(firsts))
+    return number[spot].tolist()
 
 
 def outline(group: Group) -> tuple[Place, ...]:

@@ -1,1 +1,1 @@
-"""Robots of one vendor that report from one place, where their bodies can't all be."""
+"""Robots that report from one place, where their bodies can't all be."""

@@ -25,7 +25,7 @@ HELD_S = 5.0
 """A robot is in a crowd until it has not overlapped with it for this long."""
 
 MOST_LABELS = 3
-"""If more crowds are in one heap, they are one: makers can be invented, and a person goes to one place."""
+"""If the robots of one heap had more labels, they get one: makers can be invented, and a person goes to one place."""
 SEVERAL = "several vendors at several addresses"
 
 NONE, OF_VENDOR, OF_SOURCE, OF_ALL = range(4)
@@ -59,6 +59,8 @@ class Crowds:
         """By robot, when it was last found in a crowd."""
         self._labels: dict[str, str] = {}
         """By crowded robot, the label of its crowd."""
+        self._joined: set[str] = set()
+        """The labels that were given instead of too many."""
         self._label_numbers: dict[str, int] = {}
         """By label, a number from 1 on."""
         self._numbers: dict[str, int] = {}
@@ -112,14 +114,23 @@ class Crowds:
     def _heap_labels(self, heap: Ints, kind: Ints) -> list[str]:
         """The labels of the crowds of the robots of one heap (n,); `kind` (n,) is with whom each overlaps."""
         live = self._live
-        number = np.select([kind == OF_VENDOR, kind == OF_SOURCE], [live.vendor[heap], live.source[heap]], 0)
-        _, rows, label_of = np.unique(4 * number + kind, return_index=True, return_inverse=True)
+        group = np.select([kind == OF_VENDOR, kind == OF_SOURCE], [live.vendor[heap], live.source[heap]], 0)
+        _, rows, label_of = np.unique(4 * group + kind, return_index=True, return_inverse=True)
         robots = [live.robots[live.uuids[slot]] for slot in heap[rows].tolist()]
-        if len(rows) > MOST_LABELS:
-            is_of_one_source = bool((live.source[heap] == live.source[heap[0]]).all())
-            return [_several_at(robots[0].source) if is_of_one_source else SEVERAL] * len(heap)
         labels = list(map(_label, robots, kind[rows].tolist()))
-        return [labels[number] for number in label_of.tolist()]
+        before = self._joined_before(heap)
+        if len(labels) <= (1 if before else MOST_LABELS):
+            return [labels[row] for row in label_of.tolist()]
+        is_of_one_source = before != SEVERAL and bool((live.source[heap] == live.source[heap[0]]).all())
+        joined = _several_at(robots[0].source) if is_of_one_source else SEVERAL
+        self._joined.add(joined)
+        return [joined] * len(heap)
+
+    def _joined_before(self, heap: Ints) -> str | None:
+        """The label that the robots of a heap got at the last step because they had too many, if all that had any had
+        it. It stays while they have several, so that few robots that come and go do not begin advisories anew."""
+        before = {self._labels.get(self._live.uuids[slot]) for slot in heap.tolist()} - {None}
+        return before.pop() if len(before) == 1 and before <= self._joined else None
 
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by label and floor."""
@@ -152,6 +163,8 @@ def _several_at(source: str) -> str:
 def _heaps(live: LiveRobots, slots: Ints) -> list[Ints]:
     """These robots, heap by heap: those of one floor, and of one size within a factor of two, whose cells are side by
     side."""
+    if not len(slots):
+        return []
     radius_m = np.hypot(*live.sizes_m[slots].T) / 2
     side_m = CELL_M * 2.0 ** np.ceil(np.log2(np.maximum(radius_m / CELL_M, 1.0)))
     at = np.column_stack([live.at[slots, 2], side_m, *np.floor(live.at[slots, :2].T / side_m)])

@@ -38,8 +38,6 @@ HIGHEST_LEVEL: Floats = np.minimum(SHARES + 0.2, 0.998)
 """Limits of the level of each band."""
 MOST_CLASSES = 100
 """From this many kinds on, new models of a vendor share one kind."""
-MOST_KINDS = 200
-"""From this many on, new vendors share one, too: they can be invented."""
 FEWEST_KEPT = 1.0
 """A kind with fewer faded cases is not kept over a restart."""
 COLUMNS = {
@@ -182,7 +180,7 @@ class Ledger:
 
     def rows(self, vendors: Sequence[str], models: Sequence[str], bases: Sequence[int], now_s: float) -> list[int]:
         """(n,) the rows of n kinds, most of them alike. New kinds get rows with a prior; models beyond `MOST_CLASSES`
-        kinds share one, and vendors beyond `MOST_KINDS`."""
+        kinds share one."""
         known: Mapping[Any, int] = self.kinds
         kinds, before = list(zip(vendors, models, bases, strict=True)), len(self.kinds)
         rows = list(map(known.get, kinds))
@@ -195,12 +193,9 @@ class Ledger:
 
     def _number(self, vendor: str, model: str, basis: int) -> int:
         """The row that a kind has, or will have."""
-        if (kind := ForecastKind(vendor, model, Basis(basis))) not in self.kinds:
-            vendor, model = (
-                vendor if len(self.kinds) < MOST_KINDS else "",
-                model if len(self.kinds) < MOST_CLASSES else "",
-            )
-            kind = ForecastKind(vendor, model, Basis(basis))
+        kind = ForecastKind(vendor, model, Basis(basis))
+        if kind not in self.kinds and len(self.kinds) >= MOST_CLASSES:
+            kind = kind._replace(model="")
         return self.kinds.setdefault(kind, len(self.kinds))
 
     def _grow(self, new: Sequence[ForecastKind], now_s: float) -> None:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from ingest.languages.visible_text import visible
+from ingest.measures.measures import OTHER
 from ingest.settings import UNKNOWN, Model, Vendor
 
-OTHER = "other"
-"""The vendor of all robots whose manufacturers are too many to keep."""
 MAX_UNCONFIGURED = 64
 """Vendors kept that the site file does not have."""
 MAX_NAME = 40

@@ -103,6 +103,21 @@ def test_the_crowds_of_many_vendors_in_one_heap_are_one(vendors: int, sources: i
     assert len(stage.crowds.numbers) == 12 * vendors
 
 
+def test_a_few_robots_that_come_and_go_do_not_rename_the_crowds_of_a_heap() -> None:
+    stage = Stage()
+    labels = set()
+    for vendors in (4, 3, 4, 2):
+        for vendor in range(4):
+            there = heap(12, name=f"M{vendor}")
+            apart = {name: (100.0 + 10 * number, 0.0, HALL) for number, name in enumerate(there)}
+            stage.says(there if vendor < vendors else apart, f"Maker {vendor}", f"10.0.0.{vendor}")
+        stage.now_s += HELD_S
+        stage.says(heap(12, name="M0"), "Maker 0", "10.0.0.0")
+        assert len(stage.crowds.numbers) == 12 * vendors
+        labels.update(crowd.label for crowd in stage.crowds.standing())
+    assert labels == {"several vendors at several addresses"}
+
+
 def test_the_first_robots_of_a_crowd_are_found_with_the_others() -> None:
     stage, robots = Stage(), heap(12)
     assert stage.says({"M-0": robots.pop("M-0")}) == {}
