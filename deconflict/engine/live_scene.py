@@ -17,7 +17,7 @@ from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
 from deconflict_client.advisory import ClearedCode
 from ingest.batch import Basis, Floats, FloorPoint, Forecasts, Pair
-from ingest.fleet.owners.vendor_registry import OTHER
+from ingest.measures.measures import OTHER
 
 MOST_VENDORS = 8
 _BASIS_NAMES = {basis: basis.name.lower() for basis in Basis}

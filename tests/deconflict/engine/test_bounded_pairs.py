@@ -14,8 +14,7 @@ from deconflict.settings.fleet_factory import fleet_of
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Pair
-from ingest.fleet.owners.vendor_registry import OTHER
-from ingest.measures.measures import Measures
+from ingest.measures.measures import OTHER, Measures
 from ingest.port.connection import Connection
 from tests.deconflict.engine.made_engine import NOW_S, SITE, Course
 from tests.helpers.saying import identity, points, robot, status

@@ -6,7 +6,7 @@ import pytest
 
 from ingest.batch import Basis
 from ingest.fleet import fleet_report
-from ingest.fleet.owners.vendor_registry import OTHER, VendorRegistry
+from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.port.connection import Connection

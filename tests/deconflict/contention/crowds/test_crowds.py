@@ -105,7 +105,7 @@ def test_the_crowds_of_many_vendors_in_one_heap_are_one(vendors: int, sources: i
 
 def test_a_few_robots_that_come_and_go_do_not_rename_the_crowds_of_a_heap() -> None:
     stage = Stage()
-    labels = set()
+    labels = set[str]()
     for vendors in (4, 3, 4, 2):
         for vendor in range(4):
             there = heap(12, name=f"M{vendor}")
