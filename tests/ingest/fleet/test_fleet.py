@@ -9,6 +9,7 @@ from ingest.fleet import fleet_report
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
 from ingest.frames.frame_registry import FrameRegistry
+from ingest.measures.measures import OTHER
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN, Datum, Model, Reading, Vendor
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, stamp, status
