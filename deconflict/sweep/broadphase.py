@@ -204,12 +204,6 @@ def _add_overlaps_in_cells(
 
 
 @inner
-def _asking(slots: Ints, is_changed: Bools) -> Ints:
-    """The places in `slots` of those that changed."""
-    return np.flatnonzero(is_changed[slots])
-
-
-@inner
 def _with_room(found: Pairs, needed: int) -> Pairs:
     """`found`, or a longer copy if it has less than `needed` rows."""
     return found if needed <= len(found) else np.concatenate((found, np.empty(needed, PAIR)))
@@ -265,7 +259,7 @@ def _pairs_by_cells(
         row, before = boxes[ring], n
         start, slots, wide, still = _cells(row, is_changed, share)
         narrow_boxes, wides, stills = row[slots], (wide, row[wide]), (still, row[still])
-        cells, asking = (start, slots, narrow_boxes), _asking(slots, is_changed)
+        cells, asking = (start, slots, narrow_boxes), np.flatnonzero(is_changed[slots])
         first = 1 if len(asking) == len(slots) else 0
         for at in range(len(asking) + len(wide)):
             is_wide = at >= len(asking)

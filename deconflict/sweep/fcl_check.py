@@ -40,7 +40,7 @@ class FclCheck:
     """Finds the first contact by halving the time; FCL excludes intervals without contact."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:
-        self._target_m, self._tolerance_m = target_m, tolerance_m
+        self.target_m, self.tolerance_m = target_m, tolerance_m
         self.calls = 0
         """Calls of FCL."""
 
@@ -61,9 +61,9 @@ class FclCheck:
             a, b = stack.pop()
             middle, reach = (a + b) / 2, pair.speed * (b - a) / 2
             self.calls += 1
-            if not pair.is_within(middle, self._target_m + reach):
+            if not pair.is_within(middle, self.target_m + reach):
                 continue
-            if reach <= 0.35 * self._tolerance_m:
+            if reach <= 0.35 * self.tolerance_m:
                 return a
             stack += [(middle, b), (a, middle)]
         return inf

@@ -31,7 +31,7 @@ from deconflict.sweep.narrowphase import (
 )
 from deconflict.sweep.pair_choice import BOXES, NO_CROWDS, Claims, CrowdedPairs, PairChoice
 from deconflict.sweep.shapes.shape_contacts import shape_distances
-from deconflict.sweep.shapes.shape_decisions import FloorState, Limits, ShapeDecisions, is_shaped
+from deconflict.sweep.shapes.shape_decisions import FloorState, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trains import Meetings, Trains, of_trains, pairs_of_bodies, pulled_by
@@ -159,13 +159,13 @@ class Sweeper:
 
     def _bodies(self, keys: Iterable[str]) -> list[int]:
         """The slots of robots and of their trailers."""
-        slots = self._slot_table.slots
+        slots = self._slot_table.by_uuid
         return [slots[key] for key in self._trains.all_bodies(keys) if key in slots]
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
         slots = np.fromiter(
-            map(self._slot_table.slots.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
+            map(self._slot_table.by_uuid.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
         )
         floor_state = self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m
         met = encounters(*floor_state, slots, at_s)
@@ -194,7 +194,7 @@ class Sweeper:
         new_pairs = [(self._cover_changed(changed, first_slab, slabs), len(changed), len(self._intervals))]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
         for pairs, robots, held in new_pairs:
-            intervals = self._intervals_of(pairs, BOXES.of_pass(robots, len(self._slot_table.slots), held), fcl_check)
+            intervals = self._intervals_of(pairs, BOXES.of_pass(robots, len(self._slot_table.by_uuid), held), fcl_check)
             self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
@@ -288,8 +288,7 @@ class Sweeper:
             return contacts
         rows = np.flatnonzero((contacts["open"] < inf) & is_shaped(robots, pairs["a"], pairs["b"]))
         if len(rows):
-            limits = Limits(self._clearance_m, TOLERANCE_M, self._accuracy_m, ROUNDS)
-            decisions = ShapeDecisions(self._floor_state(), limits, fcl_check)
+            decisions = ShapeDecisions(self._floor_state(), fcl_check, self._accuracy_m, ROUNDS)
             contacts[rows] = decisions.contacts(pairs[rows], contacts["open"][rows], span)
         for row in np.flatnonzero(contacts["open"] < inf).tolist():
             motions = motions_of(pairs[row : row + 1], boxes, robots, knots, span)

@@ -179,9 +179,9 @@ def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     return ranks, places
 
 
-def _places(groups: Ints, keys: Ints) -> Ints:
-    """(n,) the place of each row among those of its group, in the order of `keys` (n,)."""
-    order = np.lexsort((keys, groups))
+def _places(groups: Ints, *keys: NDArray[Any]) -> Ints:
+    """(n,) the place of each row among those of its group, in the order of `keys`, each (n,), the last key first."""
+    order = np.lexsort((*keys, groups))
     ordered = groups[order]
     begins = np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1])) if len(order) else order
     places = np.empty(len(order), np.int64)
@@ -235,8 +235,9 @@ class PairChoice:
         )
         first, (is_crowded, is_cut) = pairs[begins], marks
         costs = np.diff(np.append(begins, len(pairs)))
-        needs = _needs(first, costs, boxes, _are_watched(first, table, self._claims))
-        is_chosen = chosen_pairs(needs, _sharers(table, self._claims, is_crowded), most)
+        pullers = pulled_by(table.robots[: len(table)])
+        needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
+        is_chosen = chosen_pairs(needs, _sharers(table, pullers, self._claims, is_crowded), most)
         left_out = first[~is_chosen]
         is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
         self.left_out += len(left_out)
@@ -253,19 +254,16 @@ def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -
     return PairNeeds(a, b, moment, np.hypot(*between_m), are_watched, costs)
 
 
-def _are_watched(pairs: Pairs, table: SlotTable, claims: Claims) -> Bools:
-    """(p,) whether the robots of each two bodies are watched."""
-    find, slots = table.slots.get, len(table)
+def _are_watched(pairs: Pairs, table: SlotTable, pullers: Ints, claims: Claims) -> Bools:
+    """(p,) whether the robots of each two bodies are watched; `pullers` (slots,) as of `pulled_by`."""
+    find, slots = table.by_uuid.get, len(table)
     watched = [find(uuid, -1) * slots + find(other, -1) for uuid, other in claims.watched()]
-    pullers = pulled_by(table.robots[:slots])
     a, b = pullers[pairs["a"]], pullers[pairs["b"]]
     return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
 
 
-def _sharers(table: SlotTable, claims: Claims, is_crowded: Bools) -> Sharers:
-    slots = len(table)
-    pullers = pulled_by(table.robots[:slots])
-    source, came_s, is_new = claims.sources(table.keys[:slots].tolist())
+def _sharers(table: SlotTable, pullers: Ints, claims: Claims, is_crowded: Bools) -> Sharers:
+    source, came_s, is_new = claims.sources(table.keys[: len(table)].tolist())
     return Sharers(source[pullers], came_s[pullers], is_new[pullers], is_crowded)
 
 
@@ -288,13 +286,9 @@ class CrowdedPairs:
         mixed = np.flatnonzero(of_crowd)
         code = a[mixed] * len(crowds) + b[mixed]
         robot = np.where(crowds[a[mixed]] > 0, b[mixed], a[mixed])
-        keys = (contact_s[mixed], ~np.isin(code, self._codes), of_crowd[mixed], robot)
-        order = np.lexsort(keys)
-        group = np.column_stack([robot, of_crowd[mixed]])[order]
-        begins = np.append(True, (group[1:] != group[:-1]).any(axis=1))
-        place = np.arange(len(order)) - np.maximum.accumulate(np.where(begins[: len(order)], np.arange(len(order)), 0))
-        chosen = order[place < MOST_OF_CROWD]
-        self._codes = code[chosen]
+        groups = robot * (of_crowd.max(initial=0) + 1) + of_crowd[mixed]
+        is_chosen = _places(groups, contact_s[mixed], ~np.isin(code, self._codes)) < MOST_OF_CROWD
+        self._codes = code[is_chosen]
         is_kept = of_crowd == 0
-        is_kept[mixed[chosen]] = True
+        is_kept[mixed[is_chosen]] = True
         return np.flatnonzero(is_kept)

@@ -15,11 +15,11 @@ FEWEST_KNOTS = 10_000
 """The array of knots has at least this size once it is packed."""
 
 
-class SlotTable:
+class SlotTable(RankedSlots):
     """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it."""
 
     def __init__(self) -> None:
-        self._slots = RankedSlots()
+        super().__init__()
         self.keys: NDArray[np.object_] = np.zeros(0, object)
         """(slots,) keys; "" for a free slot."""
         self.robots: Robots = np.zeros(0, ROBOT)
@@ -31,19 +31,6 @@ class SlotTable:
         self._used = 0
         """Knots in use."""
 
-    def __len__(self) -> int:
-        """Slots, free ones included."""
-        return len(self._slots)
-
-    @property
-    def slots(self) -> dict[str, int]:
-        """By key."""
-        return self._slots.by_uuid
-
-    def column(self, numbers: Mapping[str, int]) -> Ints:
-        """See `RobotSlots.column`."""
-        return self._slots.column(numbers)
-
     def replace_forecasts(
         self, keys: Sequence[str], forecasts: Forecasts, widened_m: Floats | float = 0.0
     ) -> Ints | None:
@@ -52,7 +39,7 @@ class SlotTable:
         shapes = SHAPES.numbers_of_sound(forecasts)
         if np.any(shapes == UNSOUND_SHAPE):
             return None
-        slots, new = self._slots.assign(keys)
+        slots, new = self.assign(keys)
         if new:
             self._name(slots[new], [keys[row] for row in new])
         used = replace(self.robots, self.knots, slots, self._used, forecasts)
@@ -85,26 +72,22 @@ class SlotTable:
     def set_trains(self, trains: Mapping[str, Sequence[str]]) -> None:
         """Set which trailers each robot pulls."""
         for key, trailers in trains.items():
-            slot = self.slots[key]
-            self.robots["train"][[slot, *map(self.slots.__getitem__, trailers)]] = slot + 1
+            slot = self.by_uuid[key]
+            self.robots["train"][[slot, *map(self.by_uuid.__getitem__, trailers)]] = slot + 1
 
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots. Returns the slots that become free."""
-        left = self._slots.release(keys)
+        left = self.release(keys)
         self.keys[left], self.robots["count"][left], self.robots["train"][left] = "", 0, 0
         return left.tolist()
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """Copies of the robots of `keys`, in that order, and of their knots; an unknown robot has no knots."""
-        return taken(self.robots, self.knots, self._slots.find(keys))
+        return taken(self.robots, self.knots, self.find(keys))
 
     def present(self, slots: Ints) -> Ints:
         """Those of `slots` whose robot has knots."""
         return slots[self.robots["count"][slots] > 0]
-
-    def ranks(self) -> Ints:
-        """See `RankedSlots.ranks`."""
-        return self._slots.ranks()
 
     def _name(self, slots: Ints, keys: Sequence[str]) -> None:
         """Note the keys of new slots, and make room for them."""

@@ -15,7 +15,7 @@ from deconflict.sweep.geometry.knots import Knots, Robots
 from deconflict.sweep.incremental import ROUNDS, TOLERANCE_M, Sweeper
 from deconflict.sweep.narrowphase import first_contacts_of, motions_of
 from deconflict.sweep.shapes.shape_contacts import shape_distances
-from deconflict.sweep.shapes.shape_decisions import Limits, ShapeDecisions, is_shaped
+from deconflict.sweep.shapes.shape_decisions import ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trains import pairs_with_trailers
 from ingest.batch import Floats, Forecasts, Ints
@@ -117,8 +117,7 @@ def _first_contacts(
     shaped = is_shaped(robots, a, b)
     rows = np.flatnonzero((open_ < np.inf) & shaped[pair_of])
     if len(rows):
-        limits = Limits(clearance_m, TOLERANCE_M, np.inf, ROUNDS, is_confirmed=False)
-        decisions = ShapeDecisions(floor_state, limits, FclCheck(clearance_m, TOLERANCE_M))
+        decisions = ShapeDecisions(floor_state, FclCheck(clearance_m, TOLERANCE_M), np.inf, ROUNDS)
         found = decisions.contacts(pairs[rows], open_[rows], (now_s, float(until_s.max())))["contact"]
         at_s = np.maximum(boxes["slab"][pairs["ring"][rows], pairs["a"][rows]] + found, now_s)
         at_s[at_s > until_s[pair_of[rows]]] = np.inf

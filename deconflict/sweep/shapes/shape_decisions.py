@@ -1,7 +1,7 @@
 """Which pairs with a shape come within the clearance: kernels advance, FCL decides."""
 
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,31 +22,22 @@ FloorState = tuple[NDArray[Any], Robots, Knots]
 """Boxes, robots and knots, by slot."""
 
 
-class Limits(NamedTuple):
-    """How exactly pairs are decided."""
-
-    target_m: float
-    tolerance_m: float
-    accuracy_m: float
-    """Of smallest separations; infinite if they are not wanted."""
-    rounds: int
-    is_confirmed: bool = True
-    """Whether FCL confirms contacts; if not, it decides only what advancement leaves open."""
-
-
 class ShapeDecisions:
     """Decides pairs of boxes that may be in contact, of which at least one robot is a shape."""
 
-    def __init__(self, floor_state: FloorState, limits: Limits, fcl_check: FclCheck) -> None:
-        self._floor_state, self._limits, self._check = floor_state, limits, fcl_check
+    def __init__(self, floor_state: FloorState, fcl_check: FclCheck, accuracy_m: float, rounds: int) -> None:
+        """Contacts are within the target of `fcl_check`, to its tolerance; smallest separations to `accuracy_m`. If
+        that is infinite they are not wanted, and FCL does not confirm contacts: it decides only what advancement leaves
+        open after `rounds` steps."""
+        self._floor_state, self._check = floor_state, fcl_check
+        self._accuracy_m, self._rounds = accuracy_m, rounds
 
     def contacts(self, pairs: Pairs, since: Floats, span: Span) -> Contacts:
         """The contact of each pair of boxes within `span`, from `since` (pairs,) seconds into the slab on."""
-        limits = self._limits
         state, shapes = self._floor_state, SHAPES.arrays
-        bounds = limits.target_m, limits.tolerance_m, limits.accuracy_m
-        contacts, poses = shape_contacts(pairs, since, *state, span, *shapes, *bounds, limits.rounds)
-        if limits.is_confirmed:
+        bounds = self._check.target_m, self._check.tolerance_m, self._accuracy_m
+        contacts, poses = shape_contacts(pairs, since, *state, span, *shapes, *bounds, self._rounds)
+        if self._accuracy_m < inf:
             self._confirm(pairs, poses, contacts, span)
         for row in np.flatnonzero(contacts["open"] < inf).tolist():
             self._decide(pairs[row : row + 1], contacts, row, span)
@@ -107,12 +98,12 @@ class ShapeDecisions:
         moving = (MovingShapes(motion, a, b) for motion in motions)
         contact = self._check.first_of(moving, float(contacts["open"][row]))
         contacts[row] = (contact, inf, inf, inf)
-        if contact < inf and self._limits.accuracy_m < inf:
+        if contact < inf and self._accuracy_m < inf:
             contacts["separation"][row], contacts["separation_at"][row] = self._smallest(pair, motions)
 
     def _smallest(self, pair: Pairs, motions: Motions) -> tuple[float, float]:
         two = self._floor_state[1][[pair["a"][0], pair["b"][0]]]
-        return smallest_of_shapes(two, motions, *SHAPES.arrays, self._limits.accuracy_m)
+        return smallest_of_shapes(two, motions, *SHAPES.arrays, self._accuracy_m)
 
 
 def _of_same_robots(pairs: Pairs, rows: Ints) -> Bools:

@@ -30,7 +30,7 @@ def set_places(met: Encounters, robots: Robots, knots: Knots, widened_m: Floats,
     trailers_a, trailers_b, row_of = pairs_of_bodies(a, b, robots)
     each_a, each_b = np.concatenate([a, trailers_a]), np.concatenate([b, trailers_b])
     row_of = np.concatenate([alone, row_of])
-    found = places_between(robots, knots, widened_m, each_a, each_b, at_s[rows][row_of])
+    found = _places_between(robots, knots, widened_m, each_a, each_b, at_s[rows][row_of], *SHAPES.arrays)
     nearest = np.lexsort((found[:, 0], row_of))[np.searchsorted(np.sort(row_of), alone)]
     met["x"][rows], met["y"][rows] = found[nearest, 1:].T
 
@@ -39,18 +39,12 @@ _PLAIN = np.zeros(1, ROBOT)[["shape", "train"]][0]
 
 
 def places_of(forecasts: Forecasts, a: Ints, b: Ints, at_s: float) -> Floats:
-    """`places_between` of rows of valid forecasts."""
+    """`_places_between` of rows of valid forecasts."""
     robots, knots = np.zeros(len(forecasts), ROBOT), np.zeros(len(forecasts.t_s), KNOT)
     replace(robots, knots, np.arange(len(forecasts)), 0, forecasts)
     robots["shape"] = SHAPES.numbers(forecasts)
-    return places_between(robots, knots, np.zeros(len(robots)), a, b, np.full(len(a), at_s))
-
-
-def places_between(robots: Robots, knots: Knots, widened_m: Floats, a: Ints, b: Ints, at_s: Floats) -> Floats:
-    """(n, 3) of the robots of slots `a` and `b` (n,), with their sizes as reported, at the times `at_s` (n,): their
-    distance, inf if they are on two floors or pass above each other; and x and y midway between their nearest points,
-    nan if they overlap. If there are several such places, their mean."""
-    return _places_between(robots, knots, widened_m, a, b, at_s, *SHAPES.arrays)
+    widened_m, looks_s = np.zeros(len(robots)), np.full(len(a), at_s)
+    return _places_between(robots, knots, widened_m, a, b, looks_s, *SHAPES.arrays)
 
 
 @inner
@@ -147,6 +141,9 @@ def _places_between(
     pieces: NDArray[Any],
     corners: NDArray[Any],
 ) -> Floats:
+    """(n, 3) of the robots of slots `a` and `b` (n,), with their sizes as reported, at the times `at_s` (n,): their
+    distance, inf if they are on two floors or pass above each other; and x and y midway between their nearest points,
+    nan if they overlap. If there are several such places, their mean."""
     found, table, two = np.empty((len(a), 3)), table_of(begins, pieces, corners), np.empty(2, ROBOT)
     for row in range(len(a)):
         for side in range(2):

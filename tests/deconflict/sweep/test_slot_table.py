@@ -13,19 +13,19 @@ from tests.helpers.made_encounters import wanderer
 
 
 def assert_holds(table: SlotTable, newest: dict[str, Forecasts]) -> None:
-    assert table.slots.keys() == newest.keys()
+    assert table.by_uuid.keys() == newest.keys()
     for key, forecast in newest.items():
-        robot = table.robots[table.slots[key]]
+        robot = table.robots[table.by_uuid[key]]
         values = np.zeros(len(forecast.t_s), KNOT)
         replace(np.zeros(1, ROBOT), values, np.zeros(1, np.int64), 0, forecast)
         np.testing.assert_array_equal(table.knots[robot["first"] : robot["first"] + robot["count"]], values)
         assert 2 * robot["half_length"] == forecast.length_m[0]
         assert robot["appears"] == forecast.t_s[0]
-        assert table.keys[table.slots[key]] == key
+        assert table.keys[table.by_uuid[key]] == key
     keys = ["nobody", *reversed(newest)]
     robots, knots = table.copied(keys)
     for key, row in zip(keys, robots, strict=True):
-        own = table.robots[table.slots[key]] if key in newest else np.zeros(1, ROBOT)[0]
+        own = table.robots[table.by_uuid[key]] if key in newest else np.zeros(1, ROBOT)[0]
         assert row[["half_length", "top", "count"]] == own[["half_length", "top", "count"]]
         of = table.knots[own["first"] : own["first"] + own["count"]]
         np.testing.assert_array_equal(knots[row["first"] : row["first"] + row["count"]], of)
@@ -55,7 +55,7 @@ def test_as_many_knots_as_before_take_the_place_of_the_old_ones() -> None:
         forecasts = wanderer(rng, knots=7)
         table.replace_forecasts(["a"], forecasts)
         assert_holds(table, {"a": forecasts})
-        assert table.robots["first"][table.slots["a"]] == 0
+        assert table.robots["first"][table.by_uuid["a"]] == 0
 
 
 def test_nothing_is_replaced_if_a_forecast_cannot_be_swept() -> None:
@@ -72,11 +72,11 @@ def test_nothing_is_replaced_if_a_forecast_cannot_be_swept() -> None:
 def test_ranks_follow_the_keys_not_the_slots() -> None:
     rng, table = np.random.default_rng(73), SlotTable()
     table.replace_forecasts(["c", "a"], Forecasts.joined([wanderer(rng), wanderer(rng)]))
-    assert table.ranks()[[table.slots["a"], table.slots["c"]]].tolist() == [0, 1]
+    assert table.ranks()[[table.by_uuid["a"], table.by_uuid["c"]]].tolist() == [0, 1]
     table.replace_forecasts(["b"], wanderer(rng))
-    assert table.ranks()[[table.slots[key] for key in "abc"]].tolist() == [0, 1, 2]
+    assert table.ranks()[[table.by_uuid[key] for key in "abc"]].tolist() == [0, 1, 2]
     table.discard(["a"])
-    assert table.present(np.arange(3)).tolist() == sorted([table.slots["b"], table.slots["c"]])
+    assert table.present(np.arange(3)).tolist() == sorted([table.by_uuid["b"], table.by_uuid["c"]])
 
 
 def test_columns_may_lie_anywhere_in_memory_and_need_not_be_writable() -> None:
