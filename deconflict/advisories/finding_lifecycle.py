@@ -203,21 +203,16 @@ def finding_key(advisory: FindingAdvisory) -> str:
     if isinstance(advisory, ContentionAdvisory):
         return f"{advisory.kind} {advisory.resource}"
     if isinstance(advisory, ClaimAdvisory):
-        return f"{advisory.kind} {about_claim(advisory.owner, advisory.claimant)}"
+        return f"{advisory.kind} {about_both(advisory.owner, advisory.claimant)}"
     if isinstance(advisory, CrowdAdvisory):
-        return f"{advisory.kind} {about_crowd(advisory.vendor, advisory.location.datum)}"
+        return f"{advisory.kind} {about_both(advisory.vendor, advisory.location.datum)}"
     about = advisory.blocker if isinstance(advisory, BlockageAdvisory) else " ".join(advisory.robots[:MOST_ROBOTS])
     return f"{advisory.kind} {about}"
 
 
-def about_claim(owner: str, claimant: str) -> str:
-    """The `Finding.about` of a claim."""
-    return json.dumps([owner, claimant])
-
-
-def about_crowd(vendor: str, datum: str) -> str:
-    """The `Finding.about` of a crowd."""
-    return json.dumps([vendor, datum])
+def about_both(name: str, other: str) -> str:
+    """The `Finding.about` of a claim, by its owner and claimant, and of a crowd, by its vendor and datum."""
+    return json.dumps([name, other])
 
 
 def _limited(finding: Finding) -> Finding:

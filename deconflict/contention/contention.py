@@ -88,27 +88,19 @@ class Contention:
         }
         self._looked_s = self._needs_s = -inf
         """When the last look was, and the last forecast of who will need a charger."""
-        self._queues: dict[str, QueueForecast] = {}
+        self.queues: dict[str, QueueForecast] = {}
+        """The queue of each place that a robot has or wants, by the last look."""
         self._rings: list[tuple[RingLink, ...]] = []
         self.crossings: Sequence[Crossing] = ()
         """Where robots stood for each other before a free crossing when it was last looked for."""
-        self._needs: list[ChargingNeed] = []
+        self.needs: list[ChargingNeed] = []
+        """Robots that may need a charger and have not announced that they come to one, by the last forecast."""
         self._shortages: list[ChargerShortage] = []
         measures.call_before_reading(self._measure)
 
     def open(self) -> list[FindingAdvisory]:
         """The newest revision of every open advisory."""
         return self._lifecycle.open()
-
-    @property
-    def needs(self) -> Sequence[ChargingNeed]:
-        """Robots that may need a charger and have not announced that they come to one, by the last forecast."""
-        return self._needs
-
-    @property
-    def queues(self) -> Mapping[str, QueueForecast]:
-        """The queue of each place that a robot has or wants, by the last look."""
-        return self._queues
 
     def adopt(self, revision: FindingAdvisory) -> None:
         """Continue from a revision that another process made."""
@@ -146,7 +138,7 @@ class Contention:
         nearby = NearbyBoxes.of(self.robots, self._crowds)
         journeys = legs([*self._believed(self.robots.placed()), *bound], self.robots, nearby, now_s)
         entries = self._entries.collect(passing, bound, journeys, now_s)
-        self._queues = forecast_queues(entries, self.geometry, now_s)
+        self.queues = forecast_queues(entries, self.geometry, now_s)
         in_way = hindrances(self.robots, nearby, now_s)
         self._forecast_charging(now_s)
         found = [*self._long_waits(now_s), *self._charger_shortages(now_s), *self._double_occupancies(now_s)]
@@ -165,25 +157,25 @@ class Contention:
     def _long_waits(self, now_s: float) -> Iterable[Finding]:
         """Places where a robot will wait long, with the slots that cost least."""
         self._advice.begin_look(now_s)
-        published = [place for place in self._queues if self._lifecycle.is_open(f"contention {place}")]
-        self._ordinary_queues.add_look(self._queues, published, self.robots, now_s)
-        for place, queue in self._queues.items():
+        published = [place for place in self.queues if self._lifecycle.is_open(f"contention {place}")]
+        self._ordinary_queues.add_look(self.queues, published, self.robots, now_s)
+        for place, queue in self.queues.items():
             if queue.longest_wait_s < self._settings.least_wait_s:
                 continue
             if place in published or not self._ordinary_queues.is_ordinary(place, queue, self.robots, now_s):
-                advice = self._advice.slots(place, self._queues, self.robots, now_s)
+                advice = self._advice.slots(place, self.queues, self.robots, now_s)
                 yield findings.contention(self.geometry, place, queue, advice, self.robots, now_s)
 
     def _forecast_charging(self, now_s: float) -> None:
         """Forecast every few seconds who will need a charger, and which chargers will then be full."""
         if self.geometry.chargers and now_s - self._needs_s >= NEEDS_S:
             self._needs_s = now_s
-            self._needs = charging_needs(
+            self.needs = charging_needs(
                 self.robots, self.robots.batteries, self.geometry, self._reading.silent_after_s, now_s
             )
             usual_s = {charger: self._dwells[charger].service_s for charger in self.geometry.chargers}
             standing = [shortage.chargers[0] for shortage in self._shortages]
-            self._shortages = charger_shortages(self._needs, self._queues, self.geometry, now_s, usual_s, standing)
+            self._shortages = charger_shortages(self.needs, self.queues, self.geometry, now_s, usual_s, standing)
 
     def _charger_shortages(self, now_s: float) -> Iterable[Finding]:
         """Chargers that will be full for robots that have not announced that they come.
@@ -192,7 +184,7 @@ class Contention:
         """
         long_s = self._settings.least_wait_s
         for shortage in self._shortages:
-            queues = [self._queues[charger] for charger in shortage.chargers if charger in self._queues]
+            queues = [self.queues[charger] for charger in shortage.chargers if charger in self.queues]
             some_wait = any(queue.longest_wait_s >= long_s for queue in queues)
             robots = {*shortage.announced, *(need.robot for need in shortage.needs)}
             if self.robots.keys() >= robots and not some_wait and shortage.wait_s >= long_s:
@@ -200,7 +192,7 @@ class Contention:
 
     def _double_occupancies(self, now_s: float) -> Iterable[Finding]:
         """Places with more robots inside, also by their newest reports, than their capacity."""
-        for place, queue in self._queues.items():
+        for place, queue in self.queues.items():
             if queue.inside > self.geometry.capacity(place):
                 inside = [entry for entry in queue.entries[: queue.inside] if self.robots[entry.robot].was_in(place)]
                 group = largest_group_at_one_height(inside)
@@ -219,7 +211,9 @@ class Contention:
         wants += [*aisle_wants(passing, aisles), *crossing_wants(crossings.values())]
         self._rings = rings([*wants, *way_wants(for_good, self.robots, aisles, now_s)])
         found = blockages(in_way, self.robots)
-        found = self._ordinary_blockages.publishable(found, self.robots, self._is_published, now_s)
+        found = self._ordinary_blockages.publishable(
+            found, self.robots, lambda blocker: self._lifecycle.is_open(f"blockage {blocker}"), now_s
+        )
         refuges = self._refuges() if self._rings or found else []
         for ring in self._rings:
             if crossing := crossing_of(ring, crossings):
@@ -238,16 +232,12 @@ class Contention:
         advice = blockage_advice(blocked, *floor, left_s, quiet_after_s, now_s)
         return findings.blockage(blocked, advice, self.robots, quiet_after_s, now_s)
 
-    def _is_published(self, blocker: str) -> bool:
-        """Whether there is an open advisory on a robot that stands in the way."""
-        return self._lifecycle.is_open(f"blockage {blocker}")
-
     def _refuges(self) -> list[Refuge]:
         """Resources with room left, where a robot is in nobody's way."""
         free = [
             resource.id
             for resource in self.geometry.resources.values()
-            if resource.kind != "lift" and len(self._queues.get(resource.id, NO_QUEUE).entries) < resource.capacity
+            if resource.kind != "lift" and len(self.queues.get(resource.id, NO_QUEUE).entries) < resource.capacity
         ]
         return [Refuge(place, *self.geometry.middle(place)) for place in free]
 
@@ -255,7 +245,7 @@ class Contention:
         if self._looked_s == -inf:
             return
         flows, arrivals = self._flows.by_zone, self.robots.arrivals
-        queues = {place: self._queues.get(place, NO_QUEUE) for place in (*self._dwells, *flows)}
+        queues = {place: self.queues.get(place, NO_QUEUE) for place in (*self._dwells, *flows)}
         levels: dict[str, Mapping[str, float]] = {
             "deconflict_resource_demand": {place: len(queue.entries) for place, queue in queues.items()},
             "deconflict_resource_occupancy": {place: queue.inside for place, queue in queues.items()},
@@ -276,7 +266,7 @@ class Contention:
     def _expected_demand(self) -> dict[str, float]:
         """By charger, how many robots need it without having announced it; a robot with a choice counts in parts."""
         demand = dict.fromkeys(self.geometry.chargers, 0.0)
-        for need in self._needs:
+        for need in self.needs:
             for charger in need.chargers:
                 demand[charger] += float(need.likely[-1]) / len(need.chargers)
         return demand

@@ -4,14 +4,13 @@ Claims of the receiver and crowds in, advisory revisions out. When an advisory i
 `finding_lifecycle` decides.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import inf
 
-from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot, about_claim
+from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot, about_both
 from deconflict.advisories.words import finding_words
-from deconflict.contention.crowds.crowd_finding import crowd_finding
-from deconflict.contention.crowds.crowds import Crowds
-from deconflict.foresight.presence.live_robots import LiveRobots
+from deconflict.contention.crowds.crowds import Crowd, Crowds
+from deconflict.foresight.presence.live_robots import LiveRobot, LiveRobots
 from deconflict_client.advisory import ClaimAdvisory, CrowdAdvisory, Location, Severity
 from ingest.batch import Claim
 
@@ -19,6 +18,8 @@ JudgedAdvisory = ClaimAdvisory | CrowdAdvisory
 """The advisories that `ClaimLifecycle` judges."""
 LOOK_S = 1.0
 CLEAR_AFTER_S = 3.0
+NAMED_ROBOTS = 10
+"""So many robots of a crowd are named in its advisory, and the first three in its text."""
 
 
 class ClaimLifecycle:
@@ -50,14 +51,14 @@ class ClaimLifecycle:
         self._looked_s = now_s
         owners = {uuid: claim.owner for claim in self._standing for uuid in claim.robots}
         findings = [self._finding(claim) for claim in self._standing]
-        findings += [crowd_finding(crowd, self._live.robots, now_s) for crowd in self._crowds.standing()]
+        findings += [_crowd_finding(crowd, self._live.robots, now_s) for crowd in self._crowds.standing()]
         return self._lifecycle.revise(now_s, findings, lambda uuid: self._named(uuid, owners.get(uuid, "")))
 
     def _finding(self, claim: Claim) -> Finding:
         names = [self._named(uuid, claim.owner).name for uuid in claim.robots[:3]]
         return Finding(
             kind="foreign_claim" if claim.owner != claim.claimant else "two_places",
-            about=about_claim(claim.owner, claim.claimant),
+            about=about_both(claim.owner, claim.claimant),
             severity=Severity.WARNING,
             robots=tuple(sorted(claim.robots)),
             predicted_s=claim.since_s,
@@ -80,3 +81,21 @@ class ClaimLifecycle:
                 x_m, y_m = float(robot.forecast.x_m[0]), float(robot.forecast.y_m[0])
                 return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
         return None
+
+
+def _crowd_finding(crowd: Crowd, robots: Mapping[str, LiveRobot], now_s: float) -> Finding:
+    """Robots that can't all be where they report from."""
+    location = Location(datum=crowd.datum, x=round(crowd.x_m, 3), y=round(crowd.y_m, 3))
+    count = len(crowd.robots)
+    return Finding(
+        kind="crowd",
+        about=about_both(crowd.label, crowd.datum),
+        severity=Severity.WARNING,
+        robots=crowd.robots[:NAMED_ROBOTS],
+        predicted_s=now_s,
+        location=location,
+        words=lambda: finding_words.crowd(
+            count, crowd.label, location.x, location.y, [robots[uuid].name for uuid in crowd.robots[:3]]
+        ),
+        evidence={"vendor": crowd.label, "crowded": count},
+    )

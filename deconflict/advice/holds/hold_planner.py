@@ -8,6 +8,7 @@ from deconflict.advice.holds.hold_search import FoundPlan, HoldSearch, hold_mode
 from deconflict.advice.holds.hold_windows import STEP_S, DelayWindows, HoldWindow, NearbyRobots
 from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.solver import solve
+from deconflict.advice.vendor_burden import burden_ranks
 from deconflict.settings.site import USUAL_ADVICE, Advice
 from ingest.batch import Pair
 
@@ -49,7 +50,7 @@ def plan_holds(
     """
     problem = HoldProblem(PlannedRobots(near), window, DelayWindows(near, window), burdens_s or {})
     problem.constrain(sorted({(min(pair), max(pair)) for pair in conflicts}))
-    ranks, switch = _ranks(burdens_s or {}, near.vendors), round(settings.switch_s / STEP_S * WEIGHT)
+    ranks, switch = burden_ranks(burdens_s or {}, near.vendors), round(settings.switch_s / STEP_S * WEIGHT)
     return _planned(problem, HoldSearch(problem, ranks, held_before, settings.effort, switch))
 
 
@@ -106,10 +107,3 @@ def _may_have_plan(problem: HoldProblem, robots: Sequence[str], effort: float) -
     """Whether there is a plan for some robots alone, or it is not known."""
     solved = solve(hold_model(problem, robots)[0], effort, presolve=False)
     return solved.found or not solved.proven
-
-
-def _ranks(burdens_s: Mapping[str, float], vendors: Sequence[str]) -> dict[str, int]:
-    """By vendor, its rank by burden, from 0 for the least burdened."""
-    burden_s = {vendor: burdens_s.get(vendor, 0.0) for vendor in set(vendors)}
-    rank_of = {level: rank for rank, level in enumerate(sorted(set(burden_s.values())))}
-    return {vendor: rank_of[level] for vendor, level in burden_s.items()}

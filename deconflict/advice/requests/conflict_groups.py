@@ -115,12 +115,6 @@ def _merged(
 
 
 def _group(members: list[ConflictAdvisory]) -> ConflictGroup:
-    if len(members) == 1:
-        (advisory,) = members
-        alone = (advisory.robots,)
-        return ConflictGroup(
-            advisory.predicted_at, alone, _standing(members), (expected_loss_s(advisory),), asked=alone
-        )
     members.sort(key=attrgetter("robots"))
     first = min(advisory.predicted_at for advisory in members)
     losses_s = tuple(map(expected_loss_s, members))

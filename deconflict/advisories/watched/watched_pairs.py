@@ -203,8 +203,9 @@ class WatchedPairs:
         self._drop_free_rows(len(self._row_of) + len(pairs))
         self._pairs["updated"][[watched.row for watched in self.of_robots(updated)]] = True
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
+        columns = PredictionColumns._make(getattr(predictions, name) for name in PredictionColumns._fields)
         chosen, codes, unpredicted, quiet_codes = examine_pairs(
-            self._pairs, self._advisories, rows, _columns(predictions), now_s, self._thresholds
+            self._pairs, self._advisories, rows, columns, now_s, self._thresholds
         )
         coded = list(zip(chosen.tolist(), codes.tolist(), strict=True))
         same = [i for i, code in coded if code == UPDATE_IF_MOVED]
@@ -272,19 +273,6 @@ class WatchedPairs:
 
 
 _NOT_DUE = (WATCH, FORGET, UPDATE_IF_MOVED)
-
-
-def _columns(predictions: Predictions) -> PredictionColumns:
-    return PredictionColumns(
-        predictions.contact_s,
-        predictions.separation_m,
-        predictions.start_separation_m,
-        predictions.fresh,
-        predictions.probability,
-        predictions.deciding,
-        predictions.still,
-        predictions.both_present,
-    )
 
 
 def _thresholds(settings: Conflict) -> NDArray[Any]:

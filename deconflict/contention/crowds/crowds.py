@@ -80,11 +80,9 @@ class Crowds:
             del self._found_s[uuid], self._labels[uuid]
         if self._labels != before:
             self._numbers.clear()
-            self._numbers.update((uuid, self._number(label)) for uuid, label in self._labels.items())
+            for uuid, label in self._labels.items():
+                self._numbers[uuid] = self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
         return {uuid: uuid in self._labels for uuid in self._labels.keys() ^ before.keys()}
-
-    def _number(self, label: str) -> int:
-        return self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
 
     def _overlapping(self, now_s: float) -> tuple[Ints, Ints]:
         """The slots of overlapping robots, and (slots,) with whom each overlaps, see `OF_VENDOR`.

@@ -1,14 +1,14 @@
 """Slots: in which order, and at which of several interchangeable resources, robots wait least in total."""
 
-from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Mapping, Sequence
 
 from deconflict.advice.priorities import WEIGHT
 from deconflict.advice.solver import solve
-from deconflict.contention.queues.place_group import Job, PlaceGroup, PlaceQueue, ScheduledJob, total_cost
+from deconflict.advice.vendor_burden import burden_ranks
+from deconflict.contention.queues.place_group import PlaceGroup, PlaceQueue, ScheduledJob, total_cost
 from deconflict.contention.queues.slot_model import SlotModel
 from deconflict.settings.site import USUAL_ADVICE, Advice
-from deconflict_client.advisory import Recommendation, Slot
+from deconflict_client.advisory import Recommendation, Slot, moment
 
 TIE_S = 0.1
 """Costs that differ by less are equal: no arrival is known better."""
@@ -37,7 +37,8 @@ def advise_slots(
     group = PlaceGroup(places, now_s)
     first = group.first_come()
     best = min((first, group.dispatched()), key=total_cost)
-    best, bound, proven = _improve(group, best, settings.effort, _burden_rank(burdens_s or {}, group))
+    ranks = burden_ranks(burdens_s or {}, (job.request.vendor for job in group.jobs))
+    best, bound, proven = _improve(group, best, settings.effort, ranks)
     if total_cost(best) > total_cost(first):
         best = first
     if standing is not None:
@@ -47,26 +48,15 @@ def advise_slots(
     return _recommendation(group, best, total_cost(first), min(bound, total_cost(best)), proven)
 
 
-def _burden_rank(burdens_s: Mapping[str, float], group: PlaceGroup) -> Callable[[Job], int]:
-    """The rank of a job's vendor by burden, from 0 for the least burdened."""
-    ranks = {
-        burden: rank for rank, burden in enumerate(sorted({burdens_s.get(vendor, 0.0) for vendor in _vendors(group)}))
-    }
-    return lambda job: ranks[burdens_s.get(job.request.vendor, 0.0)]
-
-
-def _vendors(group: PlaceGroup) -> set[str]:
-    return {job.request.vendor for job in group.jobs}
-
-
 def _improve(
-    group: PlaceGroup, best: list[ScheduledJob], effort: float, rank: Callable[[Job], int]
+    group: PlaceGroup, best: list[ScheduledJob], effort: float, ranks: Mapping[str, int]
 ) -> tuple[list[ScheduledJob], int, bool]:
-    """The best order that the solver finds from `best` on, its bound, and whether it is proven optimal."""
+    """The best order that the solver finds from `best` on, its bound, and whether it is proven optimal. `ranks` of
+    vendors are as of `burden_ranks`."""
     if not group.jobs:
         return best, 0, True
     least, best = group.bound(), _move_jobs(group, best)
-    is_fair = not any(rank(job) for job in group.jobs)
+    is_fair = not any(ranks.values())
     worthwhile = LONG_SHARE * total_cost(best) if len(group.jobs) > LONG else _units(TIE_S)
     if is_fair and total_cost(best) - least <= worthwhile:
         return best, least, total_cost(best) - least <= _units(TIE_S)
@@ -82,7 +72,10 @@ def _improve(
         model.model.add(cost <= total_cost(best) + _units(TIE_S))
         model.hint(best)
         model.model.minimize(
-            sum(rank(job) * (start - job.arrival) for job, start in zip(group.jobs, model.starts, strict=True))
+            sum(
+                ranks[job.request.vendor] * (start - job.arrival)
+                for job, start in zip(group.jobs, model.starts, strict=True)
+            )
         )
         fair = solve(model.model, effort)
         best = model.order(fair.solver) if fair.found else best
@@ -118,8 +111,8 @@ def _recommendation(
             Slot(
                 robot=turn.job.request.robot,
                 resource=group.places[turn.place].resource,
-                start_at=_moment(group.now_s, turn.start),
-                end_at=_moment(group.now_s, turn.start + turn.job.service),
+                start_at=moment(group.now_s + turn.start / 1000),
+                end_at=moment(group.now_s + (turn.start + turn.job.service) / 1000),
                 wait_s=(turn.start - turn.job.arrival) / 1000,
             )
             for turn in sorted(turns, key=lambda turn: (turn.start, turn.job.request.robot))
@@ -138,7 +131,3 @@ def _units(cost_s: float) -> int:
 
 def _seconds(cost: int) -> float:
     return cost / (1000 * WEIGHT)
-
-
-def _moment(now_s: float, after_ms: int) -> datetime:
-    return datetime.fromtimestamp(now_s + after_ms / 1000, UTC)

@@ -129,7 +129,8 @@ class AnnouncedArrivals:
         """
         if not len(destinations.t_s) and not self._open:
             return
-        numbers = np.array([self._number(floor) for floor in batch.floors], np.int64)
+        known = self._floors
+        numbers = np.array([known.setdefault(datum, len(known)) for datum in batch.floors], np.int64)
         floor, x_m, y_m = ready(here[0], np.int64), ready(here[1]), ready(here[2])
         start, to_floor, to_x_m, to_y_m = destinations.start, destinations.floor, destinations.x_m, destinations.y_m
         columns = (floor, x_m, y_m, ready(start, np.int64), ready(to_floor, np.int64), ready(to_x_m), ready(to_y_m))
@@ -200,9 +201,6 @@ class AnnouncedArrivals:
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
         self._reports["count"][self._slots.release([robot])] = 0
-
-    def _number(self, floor: str) -> int:
-        return self._floors.setdefault(floor, len(self._floors))
 
 
 def near(a: DatumPoint, b: DatumPoint, within_m: float = ARRIVED_M) -> bool:

@@ -71,7 +71,7 @@ class ZonePassage:
         return float(np.interp(t_s, self.t_s, self.along_m))
 
 
-class _FloorOutlines:
+class PlaceOutlines:
     """The outlines of places on one floor."""
 
     def __init__(self, datum: str, outlines: Sequence[tuple[str, Iterable[tuple[float, float]]]]) -> None:
@@ -81,6 +81,7 @@ class _FloorOutlines:
         shapely.prepare(self.outlines)
         self.tree = shapely.STRtree(self.outlines)
         self.bounds_m: Floats = shapely.bounds(self.outlines)
+        """(n, 4) the boxes around them."""
 
     def near(self, datums: Sequence[str], boxes_m: Floats) -> Ints:
         """(k,) rows of `boxes_m` (n, 4) that are on this floor and touch a box around an outline."""
@@ -116,8 +117,10 @@ class PlaceGeometry:
         self._groups: dict[str, list[str]] = {}
         for resource in self.resources.values():
             self._groups.setdefault(resource.group, []).append(resource.id)
-        self._resources = _floors(self.resources.values())
-        self._zones = _floors(self.zones.values())
+        self.resource_outlines = _floors(self.resources.values())
+        """By floor with resources."""
+        self.zone_outlines = _floors(self.zones.values())
+        """By floor with zones."""
 
     def label(self, place: str) -> str:
         found = self.resources.get(place) or self.zones.get(place)
@@ -152,10 +155,10 @@ class PlaceGeometry:
     def resources_at(self, datums: Sequence[str], x_m: Floats, y_m: Floats) -> list[str | None]:
         """The resource that each point lies in; if outlines overlap, the first in the site file."""
         found: list[str | None] = [None] * len(datums)
-        if not self._resources:
+        if not self.resource_outlines:
             return found
         boxes_m = np.stack([x_m, y_m, x_m, y_m], axis=1)
-        for floor in self._resources:
+        for floor in self.resource_outlines:
             rows = floor.near(datums, boxes_m)
             if len(rows):
                 inside = floor.tree.query(shapely.points(x_m[rows], y_m[rows]), predicate="intersects")
@@ -163,28 +166,20 @@ class PlaceGeometry:
                     found[rows[row]] = floor.ids[index]
         return found
 
-    def resource_boxes(self) -> list[tuple[str, Floats]]:
-        """The datums with resources, and the boxes (n, 4) around these."""
-        return [(floor.datum, floor.bounds_m) for floor in self._resources]
-
-    def zone_boxes(self) -> list[tuple[str, Floats]]:
-        """The same for zones."""
-        return [(floor.datum, floor.bounds_m) for floor in self._zones]
-
     def passages(self, datums: Sequence[str], bodies: BodiesAhead, rests: Bools) -> dict[int, dict[str, ZonePassage]]:
         """By row and zone, the passages of each robot with its trailers while they stay on its floor.
 
         `rests` (rows,) is whether a robot rests where it was last reported.
         """
         found: dict[int, dict[str, ZonePassage]] = {}
-        if not self._zones:
+        if not self.zone_outlines:
             return found
         robot, view, paths, length_m, width_m, reported = bodies
         seen = view.after(*reported.T)
         datums, reach_m = [datums[row] for row in robot.tolist()], np.hypot(length_m, width_m) / 2
         lines_m = np.concatenate([reported[:, None, :2], paths.lines_m], axis=1)
         boxes_m = enlarged(np.hstack([lines_m.min(axis=1), lines_m.max(axis=1)]), reach_m)
-        for floor in self._zones:
+        for floor in self.zone_outlines:
             rows = floor.near(datums, boxes_m)
             if not len(rows):
                 continue
@@ -240,9 +235,9 @@ def _location(datum: str, x_m: float, y_m: float) -> Location:
     return Location(datum=datum, x=round(x_m, 3), y=round(y_m, 3))
 
 
-def _floors(places: Iterable[Place]) -> list[_FloorOutlines]:
+def _floors(places: Iterable[Place]) -> list[PlaceOutlines]:
     by_datum: dict[str, list[tuple[str, Iterable[tuple[float, float]]]]] = {}
     for place in places:
         for datum, outline in outlines(place):
             by_datum.setdefault(datum, []).append((place.id, outline))
-    return [_FloorOutlines(datum, of_datum) for datum, of_datum in by_datum.items()]
+    return [PlaceOutlines(datum, of_datum) for datum, of_datum in by_datum.items()]

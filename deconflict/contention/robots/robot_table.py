@@ -22,7 +22,7 @@ from deconflict.contention.robots.lookahead import (
     look_ahead,
     paths_ahead,
 )
-from deconflict.contention.robots.place_geometry import PlaceGeometry, ZonePassage
+from deconflict.contention.robots.place_geometry import PlaceGeometry, PlaceOutlines, ZonePassage
 from deconflict.contention.robots.record_kernels import AT_REST, ROBOT, STANDS_M, STOP, STRAIGHT, Outlines, rest_of
 from deconflict.contention.robots.robot_view import FirstFields, RobotView, first_fields
 from deconflict.sweep.robot_slots import RobotSlots
@@ -49,8 +49,8 @@ class RobotTable(Mapping[str, RobotView]):
         """(slots, STEPS + 1, 2) the path of a robot that moves, or the last path it was on."""
         self.datums, self._numbers = list[str](), dict[str, int]()
         """Datums of floors by their numbers in records, stops and outlines, and the reverse; floor -1 is not known."""
-        self._resources = self._outlines(geometry.resource_boxes())
-        self._zones = self._outlines(geometry.zone_boxes())
+        self._resources = self._outlines(geometry.resource_outlines)
+        self._zones = self._outlines(geometry.zone_outlines)
         self._places = list(geometry.resources)
         self._place_number = {place: number for number, place in enumerate(self._places)}
         self._names: dict[str, FirstFields] = {}
@@ -283,10 +283,10 @@ class RobotTable(Mapping[str, RobotView]):
             self.datums.append(datum)
         return self._numbers.setdefault(datum, len(self._numbers))
 
-    def _outlines(self, boxes_m: Sequence[tuple[str, Floats]]) -> Outlines:
-        """Of places, by the boxes (k, 4) of each datum."""
-        floors = [self._floor_number(datum) for datum, of_datum_m in boxes_m for _ in of_datum_m]
-        all_m = np.concatenate([np.empty((0, 4)), *(of_datum_m for _, of_datum_m in boxes_m)])
+    def _outlines(self, places: Sequence[PlaceOutlines]) -> Outlines:
+        """Of places, by the boxes around them."""
+        floors = [self._floor_number(of_datum.datum) for of_datum in places for _ in of_datum.ids]
+        all_m = np.concatenate([np.empty((0, 4)), *(of_datum.bounds_m for of_datum in places)])
         return Outlines(np.array(floors, np.int64), all_m)
 
     def _view(self, uuid: str) -> RobotView:

@@ -8,8 +8,7 @@ from deconflict.advisories.situations.advice.asked_robots import (
     SETTLES_S,
     AskedRobots,
 )
-from deconflict.advisories.situations.advice.people_turns import BETWEEN_S, PeopleTurns
-from deconflict.advisories.situations.people_last import PeopleLast
+from deconflict.advisories.situations.people_last import BETWEEN_S, PeopleLast, PeopleTurns
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.words import Spot
 from deconflict_client.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from deconflict.advisories.situations.advice.asked_robots import ACCEPTS_WITHIN_S
-from deconflict.advisories.situations.advice.people_turns import BETWEEN_S
+from deconflict.advisories.situations.people_last import BETWEEN_S
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
