@@ -6,8 +6,8 @@ asked --> raised --(answered, or the robot has visibly begun)--> updated --> cle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from deconflict.adviser.asked import Asked
-from deconflict.adviser.refusals import Refusals, is_refused, is_unable
+from deconflict.adviser.asked import CANNOT, Asked, reason_of
+from deconflict.adviser.refusals import Refusals, is_refused
 from deconflict.adviser.request import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.advisories.words.advice_words import advice_headline, advice_summary
@@ -15,9 +15,6 @@ from deconflict.advisories.words.conflict_wording import new_id
 from deconflict.advisories.words.words import Spot
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.contention.robots.robot_view import RobotView
-from deconflict.contention.waiting.free_crossings import Crossing
-from deconflict.foresight.losses.refusal import AdviceRefusal
-from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
 from deconflict.sweep.pair_choice import NO_CROWDS
 from deconflict_client.advisory import AdviceAnswer, AdvisoryState, ClearedCode, Location, Severity, moment
@@ -52,33 +49,20 @@ class AdviceLifecycle:
         """`describe` names places. `restored` was open before a restart: the first look ends it, and asks anew.
         `crowds` has the robots that are in a crowd at each look."""
         self._site, self._describe, self._measures, self._crowds = site, describe, measures, crowds
-        self._standoffs = StandoffAdvice(self._site, measures, crowds=crowds)
+        self.standoffs = StandoffAdvice(self._site, measures, crowds=crowds)
+        """Of the last look; once `step` has raised, one that begins anew."""
         self._restored = list(restored)
         self._open: dict[str, RobotAdvice] = {}
         """By id of the request."""
         self._answers: dict[str, AnsweredAdvice] = {}
         """By id of the request, the first answer: that is the one that counts."""
-        self._refusals = Refusals(measures)
+        self.refusals = Refusals(measures)
         self._followed: list[Followed] = []
         self._looked_s = float("-inf")
 
     def open(self) -> list[RobotAdvice]:
         """The newest revision of all that is open."""
         return [*self._restored, *self._open.values()]
-
-    @property
-    def crossings(self) -> list[Crossing]:
-        """Where robots stand for each other before a free crossing, by the last look."""
-        return self._standoffs.crossings
-
-    @property
-    def learners(self) -> dict[str, Learner]:
-        """What is worth keeping over a restart; after `step` has raised, of the adviser that began anew."""
-        return self._standoffs.learners
-
-    def take_refusals(self) -> list[AdviceRefusal]:
-        """The refusals that are over since the last call."""
-        return self._refusals.take()
 
     def take_followed(self) -> list[Followed]:
         """The robots that have visibly begun what they were asked, or were still at it when that ended, by the last
@@ -88,7 +72,7 @@ class AdviceLifecycle:
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
         """Robots of a batch were updated."""
-        self._standoffs.receive(batch, robots)
+        self.standoffs.receive(batch, robots)
 
     def step(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice] = ()) -> list[RobotAdvice]:
         """The revisions of this look; none between looks, unless there are `answers` since the last call.
@@ -102,17 +86,17 @@ class AdviceLifecycle:
         try:
             return self._look(robots, now_s, answers)
         except Exception:
-            self._standoffs = StandoffAdvice(self._site, self._measures, crowds=self._crowds)
+            self.standoffs = StandoffAdvice(self._site, self._measures, crowds=self._crowds)
             self._open, self._answers = {}, {}
             self._restored = before
             raise
 
     def withdraw_all(self, now_s: float) -> list[RobotAdvice]:
         """End all that is open: until the next `step` nothing is asked."""
-        self._standoffs.end_all()
+        self.standoffs.end_all()
         withdrawn = [self._cleared(advice, ClearedCode.WITHDRAWN, now_s) for advice in self._open.values()]
         self._open, self._answers = {}, {}
-        self._refusals.end_all()
+        self.refusals.end_all()
         return [*self._end_restored(now_s), *withdrawn]
 
     def _end_restored(self, now_s: float) -> list[RobotAdvice]:
@@ -122,13 +106,13 @@ class AdviceLifecycle:
     def _look(self, robots: RobotTable, now_s: float, answers: Iterable[AnsweredAdvice]) -> list[RobotAdvice]:
         revisions = self._end_restored(now_s)
         self._take(answers, robots, now_s)
-        before = dict(self._standoffs.asked)
-        requests = self._standoffs.step(robots, now_s)
-        known = (*before.values(), *self._standoffs.asked.values())
+        before = dict(self.standoffs.asked)
+        requests = self.standoffs.step(robots, now_s)
+        known = (*before.values(), *self.standoffs.asked.values())
         begun = {asked.request: asked.begun_s for asked in known if asked.begun_s is not None}
         begun_s = {request.robot: at_s for request, at_s in begun.items()}
         self._followed = sorted((request.robot, request.other) for request in begun if request.other)
-        self._refusals.look(self._standoffs.standing, begun_s, now_s)
+        self.refusals.look(self.standoffs.standing, begun_s, now_s)
         withdrawn = {request.id for request in requests if request.withdrawn}
         revisions += self._ended(before, withdrawn, robots, now_s)
         revisions += self._begun(now_s)
@@ -140,7 +124,7 @@ class AdviceLifecycle:
         for answered in answers:
             if request_id := request_of.get(answered.advice_id):
                 self._answers.setdefault(request_id, answered)
-                self._standoffs.answer(request_id, answered.answer, answered.why, robots, now_s)
+                self.standoffs.answer(request_id, answered.answer, answered.why, robots, now_s)
 
     def _ended(
         self, before: Mapping[str, Asked], withdrawn: set[str], robots: RobotTable, now_s: float
@@ -149,15 +133,15 @@ class AdviceLifecycle:
 
         A robot has waited as asked once the robot that goes first has passed.
         """
-        standing = self._standoffs.standing
-        for request_id in [each for each in self._open if each not in self._standoffs.asked]:
+        standing = self.standoffs.standing
+        for request_id in [each for each in self._open if each not in self.standoffs.asked]:
             advice, answered = self._open.pop(request_id), self._answers.pop(request_id, None)
             request = before[request_id].request
             is_withdrawn = request_id in withdrawn and (request.id in withdrawn or request.robot not in robots)
             code = _why(advice, answered and answered.answer, is_withdrawn, robots, now_s)
             if is_refused(request_id, before[request_id], code, standing):
-                unable = code is ClearedCode.DECLINED and answered is not None and is_unable(answered.why)
-                self._refusals.add(advice, unable, standing, robots, now_s)
+                unable = code is ClearedCode.DECLINED and answered is not None and reason_of(answered.why) == CANNOT
+                self.refusals.add(advice, unable, standing, robots, now_s)
             yield self._cleared(advice, code, now_s)
 
     def _cleared(self, advice: RobotAdvice, code: ClearedCode, now_s: float) -> RobotAdvice:
@@ -167,7 +151,7 @@ class AdviceLifecycle:
 
     def _begun(self, now_s: float) -> Iterator[RobotAdvice]:
         for request_id, advice in self._open.items():
-            asked = self._standoffs.asked[request_id]
+            asked = self.standoffs.asked[request_id]
             if asked.request.id == request_id and asked.begun_s is not None and not advice.begun_at:
                 now = moment(now_s)
                 self._open[request_id] = advice.next_revision(updated_at=now, begun_at=moment(asked.begun_s))

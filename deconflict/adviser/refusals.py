@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from deconflict.adviser.asked import CANNOT, Asked, reason_of
+from deconflict.adviser.asked import Asked
 from deconflict.adviser.standoffs import Standing
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.foresight.losses.loss import LossKind
@@ -73,11 +73,6 @@ def is_refused(request_id: str, asked: Asked, code: ClearedCode, standing: Stand
     robot = asked.request.robot
     stands = robot in standing.waiting or any(robot in crossing.robots for crossing in standing.crossings)
     return code in NOT_BEGUN and asked.begun_s is None and not is_of_wait and stands
-
-
-def is_unable(why: str) -> bool:
-    """Whether the reason of a vendor is that its robot cannot."""
-    return reason_of(why) == CANNOT
 
 
 def _held_up(robot: str, robots: RobotTable, *, is_mutual: bool) -> HeldUp:

@@ -77,8 +77,8 @@ class StandoffAdvice:
         self._crowds = crowds
         self._open: dict[str, Asked] = {}
         """By robot."""
-        self._asked: dict[str, Asked] = {}
-        """By id of the request."""
+        self.asked: dict[str, Asked] = {}
+        """The open requests, by id. What a robot waits for has the ids of both."""
         self._following = Following(
             {vendor.name: vendor.verbs for vendor in site.vendors if "verbs" in vendor.model_fields_set}
         )
@@ -86,17 +86,8 @@ class StandoffAdvice:
         self._worth = Worth()
         self._waiting: dict[str, str] = {}
         """By robot that is asked to wait, the robot that goes first."""
-        self._standing = Standing({}, [])
-
-    @property
-    def asked(self) -> Mapping[str, Asked]:
-        """The open requests, by id. What a robot waits for has the ids of both."""
-        return self._asked
-
-    @property
-    def standing(self) -> Standing:
+        self.standing = Standing({}, [])
         """Who stands for whom, by the last step."""
-        return self._standing
 
     @property
     def learners(self) -> dict[str, Learner]:
@@ -110,7 +101,7 @@ class StandoffAdvice:
         agreed = [uuid for uuid, asked in self._open.items() if asked.request.verb == "go_first" and asked.is_agreed]
         return [
             replace(crossing, goes_first=next((uuid for uuid in crossing.robots if uuid in agreed), None))
-            for crossing in self._standing.crossings
+            for crossing in self.standing.crossings
         ]
 
     def receive(self, batch: Batch, robots: RobotTable) -> None:
@@ -125,7 +116,7 @@ class StandoffAdvice:
         Ignored are an unknown id, because the request has ended, and a second answer that is not "done". If a robot
         declines to wait, the other is not to go first either.
         """
-        asked = self._asked.get(request_id)
+        asked = self.asked.get(request_id)
         if asked is None or asked.request.robot not in robots:
             return
         if asked.request.id != request_id:
@@ -140,12 +131,12 @@ class StandoffAdvice:
 
     def step(self, robots: RobotTable, now_s: float) -> list[Request]:
         """Requests that are new, or withdrawn."""
-        self._standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE, self._crowds)
+        self.standing = standing(robots, now_s, self._following.usually(RING_VERBS[0]) >= PROBABLE, self._crowds)
         self._observe_standing(now_s)
         self._goals.begin_step()
         changed = [request for asked in list(self._open.values()) for request in self._reviewed(asked, robots, now_s)]
-        rings = sorted(self._standing.rings, key=self._goals.turn)
-        standers = [each for each in self._standing.waiting.values() if each.robot not in self._standing.in_rings]
+        rings = sorted(self.standing.rings, key=self._goals.turn)
+        standers = [each for each in self.standing.waiting.values() if each.robot not in self.standing.in_rings]
         for is_later in (False, True):
             for ring in rings:
                 if self._goals.come_later(ring) is is_later:
@@ -153,15 +144,15 @@ class StandoffAdvice:
             for stander in standers:
                 if self._goals.come_later((stander.robot,)) is is_later:
                     changed += self._for_stander(stander, robots, now_s)
-        for crossing in self._standing.crossings:
+        for crossing in self.standing.crossings:
             changed += self._for_crossing(crossing, robots, now_s)
         return changed
 
     def _observe_standing(self, now_s: float) -> None:
         """Learn how long robots stand for each other if nobody follows advice, once they have stood for long."""
         open_requests = (asked.request for asked in self._open.values() if asked.answer != "declined")
-        followed = {uuid for request in open_requests for uuid in _both(request)}
-        standing = self._standing
+        followed = {uuid for request in open_requests for uuid in (request.robot, request.other) if uuid}
+        standing = self.standing
         since_s = {
             "ring": {
                 frozenset(ring): max(standing.waiting[robot].since_s for robot in ring) for ring in standing.rings
@@ -198,17 +189,17 @@ class StandoffAdvice:
             yield from self._follow_up(asked, moved_m, robots, now_s)
             return
         is_late = now_s - asked.asked_s >= (BEGINS_S if asked.answer else self._following.waits_s())
-        is_in_way = asked.request.verb == "step_aside" and self._standing.behind(robot) > 0
-        stands = asked.request.verb == "go_first" or is_in_way or robot in self._standing.waiting
+        is_in_way = asked.request.verb == "step_aside" and self.standing.behind(robot) > 0
+        stands = asked.request.verb == "go_first" or is_in_way or robot in self.standing.waiting
         is_over = is_late and stands if asked.answer else is_late or not stands
         if asked.answer == "declined" or is_over:
             yield from self._end(asked, asked.request)
 
     def _end(self, asked: Asked, *withdrawn: Request) -> list[Request]:
         """A request is open no longer. Returns what is withdrawn: of a robot that goes first also the other's wait."""
-        del self._open[asked.request.robot], self._asked[asked.request.id]
+        del self._open[asked.request.robot], self.asked[asked.request.id]
         if asked.waits:
-            del self._waiting[asked.waits.robot], self._asked[asked.waits.id]
+            del self._waiting[asked.waits.robot], self.asked[asked.waits.id]
         return [replace(request, withdrawn=True) for request in (*withdrawn, asked.waits) if request]
 
     def _follow_up(self, asked: Asked, moved_m: float, robots: RobotTable, now_s: float) -> list[Request]:
@@ -225,7 +216,7 @@ class StandoffAdvice:
             self._measures.count(YIELDED, *vendors, by=takes_s)
         if is_done:
             return self._end(asked)
-        waiting, rested_s = self._standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
+        waiting, rested_s = self.standing.waiting.get(request.robot), now_s - robots.rests_since_s(request.robot)
         stands_again = rested_s >= STANDS_S if request.verb == "go_first" else waiting and not waiting.speed_mps
         if takes_s < STANDS_S or is_aside or not stands_again:
             return []
@@ -234,7 +225,7 @@ class StandoffAdvice:
         return self._end(asked, request)
 
     def _for_ring(self, ring: tuple[str, ...], robots: RobotTable, now_s: float) -> Iterator[Request]:
-        waiting = [self._standing.waiting[robot] for robot in ring]
+        waiting = [self.standing.waiting[robot] for robot in ring]
         stood_s = now_s - max(each.since_s for each in waiting)
         if not self._open.keys() & set(ring):
             verbs = RING_VERBS[:1] if any(each.speed_mps for each in waiting) else RING_VERBS
@@ -256,8 +247,8 @@ class StandoffAdvice:
         """What the last robots behind those of a ring could do, so that these have room behind them."""
         ring = {each.robot for each in waiting}
         for each in waiting:
-            for last in self._standing.last_behind(each.robot, ring):
-                yield Option(last, "other_way", self._standing.waiting[last].other)
+            for last in self.standing.last_behind(each.robot, ring):
+                yield Option(last, "other_way", self.standing.waiting[last].other)
                 yield Option(last, "back_out", each.other)
 
     def _for_crossing(self, crossing: Crossing, robots: RobotTable, now_s: float) -> Iterator[Request]:
@@ -272,7 +263,7 @@ class StandoffAdvice:
             before_m = crossing.before_m[crossing.robots.index(other)]
             wait = self._new(Option(other, "wait_before", first.robot), before_m, (first.robot,), first.latest_s)
             self._open[first.robot].waits = wait
-            self._asked[wait.id], self._waiting[other] = self._open[first.robot], first.robot
+            self.asked[wait.id], self._waiting[other] = self._open[first.robot], first.robot
             yield wait
 
     def _ask_best(
@@ -290,7 +281,7 @@ class StandoffAdvice:
             if is_own or is_on_foot or is_asked:
                 continue
             if self._following.may_be_asked(option, vendor, now_s):
-                behind = self._standing.behind(option.robot), self._standing.behind(option.other)
+                behind = self.standing.behind(option.robot), self.standing.behind(option.other)
                 works = self._following.likely(option.robot)
                 works *= self._following.possible(option.verb, robots.reported_pose(option.robot)[:2])
                 saving = self._worth.saving(kind, option.verb, works, stood_s, behind)
@@ -307,7 +298,7 @@ class StandoffAdvice:
 
     def _request(self, option: Option, saving: ExpectedSaving, robots: RobotTable, now_s: float) -> Request | None:
         """Ask for an option. None if there is no place for it."""
-        waiting = self._standing.waiting.get(option.robot)
+        waiting = self.standing.waiting.get(option.robot)
         goal = self._goals.find(option, waiting.way_rad if waiting else 0.0, robots, now_s)
         if goal is None:
             return None
@@ -322,7 +313,7 @@ class StandoffAdvice:
         )
         x_m, y_m, yaw_rad = robots.reported_pose(option.robot)
         rolls_m = waiting.speed_mps * ROLLS_S if waiting else 0.0
-        self._open[option.robot] = self._asked[request.id] = Asked(
+        self._open[option.robot] = self.asked[request.id] = Asked(
             request, now_s, (x_m, y_m), yaw_rad, rolls_m, robots.reported_pose(option.other)[:2]
         )
         self._following.ask(option.robot, now_s)
@@ -330,10 +321,6 @@ class StandoffAdvice:
 
     def _new(self, option: Option, at: tuple[float, float] | None, until: tuple[str, ...], latest_s: float) -> Request:
         return Request(str(next(self._numbers)), option.robot, option.verb, at, option.other, until, latest_s)
-
-
-def _both(request: Request) -> tuple[str, ...]:
-    return (request.robot, request.other) if request.other else (request.robot,)
 
 
 def _is_aside(request: Request, robots: RobotTable) -> bool:

@@ -143,15 +143,9 @@ def can_meet(robots: RobotTable, slots: Ints, others: Ints) -> Bools:
     return found
 
 
-class Meeting(NamedTuple):
-    """Two ways that meet. Each robot has a slot, and the first point of its way where it would be in the other's."""
-
-    slots: tuple[int, int]
-    before_m: tuple[Point, Point]
-
-
-def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
-    """Where ways meet, each pair once: of each way with the `MOST_MET` nearest."""
+def meetings(robots: RobotTable, ways: Ways) -> list[tuple[tuple[int, int], tuple[Point, Point]]]:
+    """Where ways meet, each pair once: of each way with the `MOST_MET` nearest. The slots of both robots, and the first
+    point of each one's way where it would be in the other's."""
     outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
     row, other = touching_boxes(outer, outer).T
     chosen = (row < other) & can_meet(robots, ways.slots[row], ways.slots[other])
@@ -167,7 +161,7 @@ def meetings(robots: RobotTable, ways: Ways) -> list[Meeting]:
         a, b = int(row[pair]), int(other[pair])
         first = int(meet[pair].any(axis=1).argmax()), int(meet[pair].any(axis=0).argmax())
         before_m = _point(ways, a, first[0]), _point(ways, b, first[1])
-        found.append(Meeting((int(ways.slots[a]), int(ways.slots[b])), before_m))
+        found.append(((int(ways.slots[a]), int(ways.slots[b])), before_m))
     return found
 
 

@@ -173,12 +173,12 @@ class Engine:
 
     @property
     def _learners(self) -> dict[str, Learner]:
-        shared = self._shared.contention.learners | self._shared.asked.learners | self.presence.learners
-        return estimator_learners(self.foresight) | shared | {"rests": self._map_drift}
+        shared = self._shared.contention.learners | self._shared.asked.standoffs.learners
+        return estimator_learners(self.foresight) | shared | self.presence.learners | {"rests": self._map_drift}
 
     def _resumed(self, learned: Mapping[str, Part]) -> dict[str, str]:
         """Go on with a learned state. Returns what `set_aside` has."""
-        new = {*self._shared.asked.learners, HEARD_GROUND}
+        new = {*self._shared.asked.standoffs.learners, HEARD_GROUND}
         return resume_all(self._learners, upgraded(learned), new)
 
     def receive(self, batch: Batch) -> None:
@@ -201,7 +201,7 @@ class Engine:
 
     def pending(self) -> int:
         """How many of the newest questions for advice have no answer yet."""
-        return self._advice.pending()
+        return self._advice.answers.pending()
 
     def step(
         self,
@@ -217,7 +217,7 @@ class Engine:
         if None, `pending()` now; likewise `followed`. `heard` is whether robots may act on the advice: not those of a
         log that another service recorded.
         """
-        self._advice.set_pending(self.pending() if pending is None else pending)
+        self._advice.answers.set_pending(self.pending() if pending is None else pending)
         if heard:
             self.foresight.note_followed(now_s, self.followed if followed is None else followed)
         silent = self._update_presence(now_s)
@@ -235,7 +235,7 @@ class Engine:
         revisions += self._conflicts.mark_silent(silent, now_s, self._scene)
         revisions += self._advice.add_holds(now_s, self._conflicts)
         revisions += self._shared.step(now_s, effort)
-        self._advice.charge(revisions)
+        self._advice.burden.charge(revisions)
         if heard:
             self.foresight.note_advice(now_s, waits_until_s(revisions))
         self.losses = self._placed_losses(now_s, revisions)
@@ -252,7 +252,7 @@ class Engine:
         `answers` are those that came since the last call. With `Effort.NEAR` all is withdrawn: warnings come first.
         """
         revisions = self._shared.advise(now_s, answers, effort)
-        self.refusals = [self._placed_refusal(refusal) for refusal in self._shared.asked.take_refusals()]
+        self.refusals = [self._placed_refusal(refusal) for refusal in self._shared.asked.refusals.take()]
         self.followed = self._shared.asked.take_followed()
         return revisions
 
@@ -331,7 +331,7 @@ class Engine:
             upper=foreseen.upper,
             deciding=foreseen.deciding,
             still=foreseen.still,
-            both_present=self.presence.both_there(foreseen.pairs),
+            both_present=self.presence.silences.both_there(foreseen.pairs),
         )
         return predictions.without(self._are_on_foot) if self.live.on_foot else predictions
 

@@ -1,6 +1,6 @@
 """All advice of one engine: holds for conflicts, slots for queues, and what both have in common."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 from deconflict.advice.deferred_answers import AsyncAnswers, Submit
 from deconflict.advice.holds.hold_windows import NearbyRobots, PlannedRobot
@@ -12,7 +12,7 @@ from deconflict.contention.queues.queue_advice import queue_advice
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.settings.site import Site
 from deconflict.sweep.incremental import Sweeper
-from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
+from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Basis, Batch
 from ingest.measures.measures import Measures
 
@@ -38,19 +38,12 @@ class EngineAdvice:
         """The robots that were in a crowd in the last pass."""
         self._priorities = Priorities(site.vendors)
         self.submit = submit
-        self._answers = AsyncAnswers(submit)
+        self.answers = AsyncAnswers(submit)
+        """Those to all questions for advice."""
         self.burden = Burden(burdens_s)
-        self._holds = HoldRequests(site, self.burden, measures, self._answers.submit)
-        self.queue_advice = queue_advice(site, live, self.burden, self._answers.submit, measures)
+        self._holds = HoldRequests(site, self.burden, measures, self.answers.submit)
+        self.queue_advice = queue_advice(site, live, self.burden, self.answers.submit, measures)
         """Makes the advice on queues; `Contention` calls it with its geometry."""
-
-    def pending(self) -> int:
-        """How many of the newest questions have no answer yet."""
-        return self._answers.pending()
-
-    def set_pending(self, pending: int) -> None:
-        """Treat the newest `pending` questions as unanswered until the next call."""
-        self._answers.set_pending(pending)
 
     def add_holds(self, now_s: float, conflicts: ConflictLifecycle) -> list[ConflictAdvisory]:
         """The revisions that give conflicts the holds that are due; none of robots in a crowd, whose places are
@@ -62,10 +55,6 @@ class EngineAdvice:
         due = self._holds.step(now_s, placed, self._nearby)
         revisions = (conflicts.add_advice(pair, advice, now_s) for pair, advice in due)
         return [revision for revision in revisions if revision]
-
-    def charge(self, revisions: Iterable[AnyAdvisory]) -> None:
-        """Add the waits that ended with these revisions to the burdens of the vendors."""
-        self.burden.charge(revisions)
 
     def _nearby(self, group: set[str]) -> NearbyRobots:
         """The robots of a group that are on the floor, and those near to them, as they are now."""

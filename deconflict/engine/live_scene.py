@@ -46,10 +46,10 @@ class LiveScene:
         if uuid in self._live.robots:
             if uuid in self._presence.moved:
                 return Absence(ClearedCode.MOVED_BY_HAND)
-            return Absence(ClearedCode.LEFT_IN_SILENCE) if self._presence.has_probably_left(uuid) else None
+            return Absence(ClearedCode.LEFT_IN_SILENCE) if self._presence.silences.has_probably_left(uuid) else None
         if uuid in self._presence.off_floor:
             return Absence(ClearedCode.OFF_FLOOR)
-        removed = self._presence.removal_of(uuid)
+        removed = self._presence.removed.robots.get(uuid)
         return Absence(ClearedCode.DRIVEN_THROUGH, removed.by) if removed else GONE
 
     def account(self, uuid: str) -> str:

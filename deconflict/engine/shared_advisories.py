@@ -82,7 +82,7 @@ class SharedAdvisories:
         if not self._enabled or effort >= Effort.NEAR:
             return self.withdraw_advice(now_s)
         revisions = self.asked.step(self.contention.robots, now_s, answers)
-        self.contention.crossings = self.asked.crossings
+        self.contention.crossings = self.asked.standoffs.crossings
         return revisions
 
     def withdraw_advice(self, now_s: float) -> list[RobotAdvice]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
-from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.interactions.recent_reports import interaction_reports
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.sweep.geometry.pose import poses_at
 from deconflict.sweep.robot_slots import RobotSlots, lengthen

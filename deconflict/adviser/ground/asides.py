@@ -35,7 +35,7 @@ def aside_m(
     reachable = np.logical_and.accumulate(is_free.reshape(shape), axis=1)
     ways = Boxes._make(column.reshape(-1) for column in passing.boxes)
     is_off = ~touch_any(_boxes(poses, size.length_m, size.width_m, ROOM_M), ways)
-    is_off &= ~barred.bars_standing(size.datum, poses, size.length_m, size.width_m)
+    is_off &= ~barred.bars_standing(size.datum, body)
     found = np.flatnonzero((reachable & is_off.reshape(shape)).T)
     if not len(found):
         return None

@@ -9,7 +9,7 @@ from deconflict.adviser.ways import Boxes
 from deconflict.contention.robots.lookahead import corners
 from deconflict.settings.shared_places import Point, outlines
 from deconflict.settings.site import Site
-from ingest.batch import Bools, Floats
+from ingest.batch import Bools
 
 FloorOutlines = Mapping[str, shapely.STRtree]
 """Outlines by the floor that they are on."""
@@ -26,20 +26,13 @@ class BarredGround:
         self._not_to_drive_on = _by_floor(parts)
         self._not_to_stand_on = _by_floor([*parts, *places])
 
-    def bars_standing(self, floor: str, poses: Floats, length_m: float, width_m: float) -> Bools:
-        """(n,) whether a body at each pose touches ground on which no robot is sent to stand; `poses` (n, 3) are x, y
-        and yaw."""
-        outlines_here = self._not_to_stand_on.get(floor)
-        if outlines_here is None:
-            return np.zeros(len(poses), np.bool_)
-        x_m, y_m, yaw_rad = poses.T
-        halves_m = (np.full(len(poses), size_m / 2) for size_m in (length_m, width_m))
-        return _touched(outlines_here, Boxes(x_m, y_m, yaw_rad, *halves_m))
+    def bars_standing(self, floor: str, boxes: Boxes) -> Bools:
+        """(n,) whether each of `boxes` (n,) touches ground on which no robot is sent to stand."""
+        return _touched(self._not_to_stand_on.get(floor), boxes)
 
     def bars_driving(self, floor: str, boxes: Boxes) -> Bools:
         """(n,) whether each of `boxes` (n,) touches ground onto which no robot is sent at all."""
-        outlines_here = self._not_to_drive_on.get(floor)
-        return np.zeros(len(boxes.x_m), np.bool_) if outlines_here is None else _touched(outlines_here, boxes)
+        return _touched(self._not_to_drive_on.get(floor), boxes)
 
 
 def _by_floor(floor_outlines: Iterable[tuple[str, Sequence[Point]]]) -> FloorOutlines:
@@ -49,9 +42,11 @@ def _by_floor(floor_outlines: Iterable[tuple[str, Sequence[Point]]]) -> FloorOut
     return {floor: shapely.STRtree(polygons) for floor, polygons in found.items()}
 
 
-def _touched(outlines_here: shapely.STRtree, boxes: Boxes) -> Bools:
+def _touched(outlines_here: shapely.STRtree | None, boxes: Boxes) -> Bools:
     """(n,) whether each of `boxes` (n,) touches an outline."""
+    found = np.zeros(len(boxes.x_m), np.bool_)
+    if outlines_here is None:
+        return found
     rectangles = shapely.polygons(corners(*boxes[:3], 2 * boxes.half_length_m, 2 * boxes.half_width_m))
-    found = np.zeros(len(rectangles), np.bool_)
     found[outlines_here.query(rectangles, predicate="intersects")[0]] = True
     return found

@@ -63,8 +63,8 @@ class Tracks:
         halves = (np.full(len(poses), each_m / 2 + ROOM_M) for each_m in (size.length_m, size.width_m))
         places, ways = Boxes(*poses.T, *halves), Boxes._make(column.reshape(-1) for column in passing.boxes)
         is_blocked = touch_any(places, others)
-        is_barred = self._barred.bars_standing(size.datum, poses, size.length_m, size.width_m)
         body = Boxes(*poses.T, *(np.full(len(poses), each_m / 2) for each_m in (size.length_m, size.width_m)))
+        is_barred = self._barred.bars_standing(size.datum, body)
         is_seen = self._seen.holds(size.datum, size_of(robots, robot), body)
         is_free = ~touch_any(places, ways) & ~is_barred & is_seen
         reachable = np.logical_and.accumulate(~is_blocked)

@@ -88,12 +88,8 @@ class MapDrift:
             datum = batch.floors[forecasts.floor[knot]]
             self.begin_rest(batch.robots[row], batch.vendors[row], datum, point, float(batch.event_s[row]))
 
-    def end_rest(self, uuid: str) -> None:
-        """The robot drives, or has left."""
-        self._resting.discard(uuid)
-
     def begin_rest(self, uuid: str, vendor: str, datum: str, point: Point, at_s: float) -> None:
-        """The robot stands at a point in the datum's frame; counts once until `end_rest`."""
+        """The robot stands at a point in the datum's frame; counts once until it drives or leaves."""
         if uuid in self._resting:
             return
         self._resting.add(uuid)

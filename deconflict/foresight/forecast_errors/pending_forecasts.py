@@ -56,7 +56,7 @@ class PendingForecasts:
     def __init__(self) -> None:
         of_robot, of_kept = np.zeros((0, 5)), np.zeros((0, KEPT))
         self._rows = HistoryRows()
-        self._history = ReportHistory(
+        self.history = ReportHistory(
             newest=of_robot,
             previous=of_robot,
             track=np.zeros((0, TRACK_S + 1, 4)),
@@ -75,45 +75,31 @@ class PendingForecasts:
         more = slots - len(self.newest)
         if more > 0:
             self._rows.grow(slots)
-            longer = with_rows(self._history, BY_SLOT, slots)
-            self._history = self._history._replace(row=self._rows.of_slot, **longer)
+            longer = with_rows(self.history, BY_SLOT, slots)
+            self.history = self.history._replace(row=self._rows.of_slot, **longer)
             self.forget(np.arange(slots - more, slots))
 
     def forget(self, slots: Ints) -> None:
         """Other robots have these slots from now on."""
         self.rest(slots)
-        self._history.newest[slots, 0] = self._history.previous[slots, 0] = LONG_AGO_S
+        self.history.newest[slots, 0] = self.history.previous[slots, 0] = LONG_AGO_S
 
     def rest(self, slots: Ints) -> None:
         """These robots have been silent for so long that their kept forecasts are of no use."""
         if len(slots):
-            self._history.made_s[self._rows.release(slots)] = LONG_AGO_S
+            self.history.made_s[self._rows.release(slots)] = LONG_AGO_S
             self._fit()
 
     def _fit(self) -> None:
-        rows, before = len(self._rows), len(self._history.made_s)
+        rows, before = len(self._rows), len(self.history.made_s)
         if rows != before:
-            self._history = self._history._replace(**with_rows(self._history, BY_ROW, rows))
-            self._history.made_s[before:] = LONG_AGO_S
+            self.history = self.history._replace(**with_rows(self.history, BY_ROW, rows))
+            self.history.made_s[before:] = LONG_AGO_S
 
     @property
     def newest(self) -> Floats:
         """(slots, 5) t_s, x_m, y_m, yaw_rad and floor of the newest report."""
-        return self._history.newest
-
-    @property
-    def track(self) -> Floats:
-        """(slots, TRACK_S + 1, 4) x_m, y_m, yaw_rad and floor of the newest report, and of every second after it."""
-        return self._history.track
-
-    @property
-    def heard_s(self) -> Floats:
-        """(slots,) event time of the newest report."""
-        return self.newest[:, 0]
-
-    @property
-    def history(self) -> ReportHistory:
-        return self._history
+        return self.history.newest
 
     def candidate_pairs(
         self,
@@ -129,28 +115,24 @@ class PendingForecasts:
         """(p, 3) pairs of `slots` that come within the `reach_m` of both at any whole second of the horizon, and the
         first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; one that `waits` may
         stay where it was reported, while the other goes. The lower in `rank` comes first. These arrays are by slot."""
-        seconds, reports = int(horizon_s) + 1, (self._history.around, reach_m, self.newest, self.track)
+        seconds, reports = int(horizon_s) + 1, (self.history.around, reach_m, self.newest, self.history.track)
         return candidate_pairs.find_pairs(
             has_news, is_left_out, waits, slots, rank, *reports, now_s, seconds, ROUNDING_M
         )
 
     def turn(self, next_index: Ints) -> None:
         """Have the next forecast of each row (rows,) come at this place, after the same ones as before."""
-        shift = (next_index - self._history.next_index) % KEPT
+        shift = (next_index - self.history.next_index) % KEPT
         of = (np.arange(KEPT) - shift[:, None]) % KEPT
         for name in OF_KEPT:
-            column = getattr(self._history, name)
+            column = getattr(self.history, name)
             column[:] = column[np.arange(len(column))[:, None], of]
-        self._history.next_index[:] = next_index % KEPT
-
-    def speed_mps(self, slot: int) -> float:
-        """Speed of a robot between its last two reports; nan if unknown."""
-        return track_kernels.speed_mps(self._history, slot)
+        self.history.next_index[:] = next_index % KEPT
 
     def drop_forecasts(self, slots: Ints) -> None:
         """Do not compare the forecasts that these robots made until now with later reports."""
         rows = self._rows.of_slot[slots]
-        self._history.made_s[rows[rows >= 0]] = LONG_AGO_S
+        self.history.made_s[rows[rows >= 0]] = LONG_AGO_S
 
     def add_reports(
         self, robots: Robots, half_m: Floats, reports: ReportedTracks, bands_m: Floats
@@ -162,4 +144,4 @@ class PendingForecasts:
         """
         self._rows.assign(reports.slot)
         self._fit()
-        return track_kernels.add_reports(robots, half_m, self._history, *reports, bands_m)
+        return track_kernels.add_reports(robots, half_m, self.history, *reports, bands_m)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deconflict.foresight.interactions.forecast_ways import way_from
 from deconflict.foresight.interactions.progress_kernels import BRAKED, RESUMED, Findings
 from deconflict.foresight.interactions.recent_reports import InteractionReports, RecentReports
 from deconflict.foresight.interactions.way_kernels import BEYOND_M
@@ -21,6 +20,8 @@ from deconflict.foresight.motion_assumptions import BRAKES_MPS2
 from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Floats, Ints
 
+WAY_M = 0.15
+"""Distance between two samples of a way."""
 LOOK_S = 0.5
 """Time between two looks for robots in the way, from the onset on."""
 EARLIER_S = 1.0
@@ -161,11 +162,11 @@ class InteractionFinder:
 
     def _begin(self, finding: Findings, slot: int) -> None:
         place, made, row = int(finding["onset_index"]), int(finding["forecast_index"]), self.recent.rows.of_slot[slot]
-        tracks = self.recent.motion.tracks[row]
+        tracks = self.recent.tracks[row]
         way = way_from(tracks[made], *tracks[place, 0, :2])
         onset_s, doubt_s = float(finding["onset_s"]), float(finding["doubt_s"])
         swerved = int(finding["kind"]) != BRAKED
-        floor = float(self.recent.motion.floor[row, place])
+        floor = float(self.recent.floor[row, place])
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
@@ -230,6 +231,19 @@ class InteractionFinder:
         left_m = self.recent.ways_left_m(slot, others, looks_s, interaction.way, interaction.speed_mps, half_m)
         nearest = int(np.argmin(left_m))
         return (int(others[nearest]), float(left_m[nearest])) if left_m[nearest] < inf else (-1, inf)
+
+
+def way_from(track: Floats, x_m: float, y_m: float) -> Floats:
+    """(k, 4) the way of a forecast `track` (n, 3) from its place nearest to (x_m, y_m) on, every `WAY_M`: x_m, y_m,
+    yaw_rad and metres from there."""
+    legs_m = np.hypot(track[1:, 0] - track[:-1, 0], track[1:, 1] - track[:-1, 1])
+    along_m = np.concatenate([[0.0], np.cumsum(legs_m)])
+    at_m = np.arange(0.0, along_m[-1] + WAY_M, WAY_M)
+    moves = np.concatenate([[True], legs_m > 0.0])
+    columns = track[moves, 0], track[moves, 1], np.unwrap(track[:, 2])[moves]
+    x, y, yaw_rad = (np.interp(at_m, along_m[moves], column) for column in columns)
+    nearest = int(np.argmin(np.hypot(x - x_m, y - y_m)))
+    return np.stack([x, y, yaw_rad, at_m - at_m[nearest]], axis=1)[nearest:]
 
 
 def _interaction(

@@ -1,16 +1,18 @@
 """The newest reports of each robot, and where robots rest that have not reported for long."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.foresight.history_rows import HistoryRows, with_rows
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, KEPT, STATE, Findings, add_reports
 from deconflict.foresight.interactions.way_kernels import ways_left_m
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Batch, Bools, Floats, Ints
+from ingest.kernels import ready
 
-BY_ROW = "_states", "_t_s", "_tracks", "_floor", "_speed", "_follows"
+EXPLAINS_STANDING = frozenset(("charging", "disabled", "offline", "waitingHumanEvent"))
+"""Operational states of robots that do not stand because of another robot."""
+BY_ROW = "states", "t_s", "tracks", "floor", "speed", "follows"
 """Arrays by the row of a robot that does not rest."""
 
 
@@ -28,19 +30,10 @@ class InteractionReports(NamedTuple):
     """(n, AHEAD_S) usual errors of forecasts of its kind, by whole seconds ahead."""
 
 
-class ReportedMotion(NamedTuple):
-    """The newest `KEPT` reports of each robot, by row, as views that change with each report."""
-
-    states: NDArray[Any]
-    """(rows,) of `STATE`: which report is the newest, and how many are kept."""
-    t_s: Floats
-    """(rows, KEPT) time of each."""
-    tracks: Floats
-    """(rows, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad, as reported and as forecast for each second after that."""
-    floor: Floats
-    """(rows, KEPT)"""
-    speed: Floats
-    """(rows, KEPT) speed from the report before."""
+def interaction_reports(batch: Batch, slots: Ints, track: Floats, usual_m: Floats) -> InteractionReports:
+    """The n robots of a batch, which have these `slots` (n,). `track` and `usual_m` are as in `InteractionReports`."""
+    explained = np.array([state in EXPLAINS_STANDING for state in batch.states], np.bool_)
+    return InteractionReports(slots, ready(batch.event_s), track, explained, usual_m)
 
 
 class RecentReports:
@@ -48,16 +41,17 @@ class RecentReports:
 
     def __init__(self) -> None:
         self.rows = HistoryRows()
-        self._states = np.zeros(0, STATE)
-        self._t_s = np.zeros((0, KEPT))
+        self.states = np.zeros(0, STATE)
+        """(rows,) of `STATE`: which report is the newest, and how many are kept."""
+        self.t_s = np.zeros((0, KEPT))
         """(rows, KEPT) time of each kept report."""
-        self._tracks = np.zeros((0, KEPT, AHEAD_S + 1, 3))
+        self.tracks = np.zeros((0, KEPT, AHEAD_S + 1, 3))
         """(rows, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad of each kept report and of its forecast."""
-        self._floor = np.zeros((0, KEPT))
+        self.floor = np.zeros((0, KEPT))
         """(rows, KEPT) floor of each kept report."""
-        self._speed = np.zeros((0, KEPT))
+        self.speed = np.zeros((0, KEPT))
         """(rows, KEPT) speed from the report before."""
-        self._follows = np.zeros((0, KEPT))
+        self.follows = np.zeros((0, KEPT))
         """(rows, KEPT) share of the forecast way that the robot had come since the report before."""
         self._rest = np.zeros((0, 4))
         """(slots, 4) x_m, y_m, yaw_rad and floor of each robot that rests; nan for others."""
@@ -71,12 +65,12 @@ class RecentReports:
 
     def release(self, slots: Ints) -> None:
         """Forget all of these robots."""
-        self._states[self.rows.release(slots)] = np.zeros((), STATE)
+        self.states[self.rows.release(slots)] = np.zeros((), STATE)
         self._rest[slots] = np.nan
         self._fit()
 
     def _fit(self) -> None:
-        if len(self.rows) != len(self._states):
+        if len(self.rows) != len(self.states):
             for name, column in with_rows(self, BY_ROW, len(self.rows)).items():
                 setattr(self, name, column)
 
@@ -85,9 +79,9 @@ class RecentReports:
         and when they reported last."""
         slots = slots[self.rows.of_slot[slots] >= 0]
         rows = self.rows.of_slot[slots]
-        newest = self._states["newest"][rows]
-        last_s, poses = self._t_s[rows, newest], self._tracks[rows, newest, AHEAD_S]
-        places = np.column_stack([poses, self._floor[rows, newest]])
+        newest = self.states["newest"][rows]
+        last_s, poses = self.t_s[rows, newest], self.tracks[rows, newest, AHEAD_S]
+        places = np.column_stack([poses, self.floor[rows, newest]])
         self.release(slots)
         self._rest[slots] = places
         return slots, last_s
@@ -97,29 +91,25 @@ class RecentReports:
         rows = self.rows.assign(reports.slot)
         self._rest[reports.slot] = np.nan
         self._fit()
-        history = (self._states, self._t_s, self._tracks, self._floor, self._speed, self._follows)
+        history = (self.states, self.t_s, self.tracks, self.floor, self.speed, self.follows)
         found = (rows, reports.event_s, reports.track, half_width_m, reports.explained, reports.usual_m)
         return add_reports(*history, *found)
-
-    @property
-    def motion(self) -> ReportedMotion:
-        return ReportedMotion(self._states, self._t_s, self._tracks, self._floor, self._speed)
 
     def places(self) -> tuple[Ints, Floats, Floats]:
         """The slots (n,) of all robots, ascending; (n, 3) x_m, y_m and floor as last reported, or where a robot rests;
         and (n,) the speed to there."""
-        rows, resting = np.flatnonzero(self._states["reports"] > 0), np.flatnonzero(np.isfinite(self._rest[:, 0]))
-        newest = self._states["newest"][rows]
-        reported = np.column_stack([self._tracks[rows, newest, 0, :2], self._floor[rows, newest]])
+        rows, resting = np.flatnonzero(self.states["reports"] > 0), np.flatnonzero(np.isfinite(self._rest[:, 0]))
+        newest = self.states["newest"][rows]
+        reported = np.column_stack([self.tracks[rows, newest, 0, :2], self.floor[rows, newest]])
         slots = np.concatenate([self.rows.slots[rows], resting])
         order = np.argsort(slots)
         place = np.concatenate([reported, self._rest[resting][:, [0, 1, 3]]])
-        speed_mps = np.concatenate([self._speed[rows, newest], np.zeros(len(resting))])
+        speed_mps = np.concatenate([self.speed[rows, newest], np.zeros(len(resting))])
         return slots[order], place[order], speed_mps[order]
 
     def ways_left_m(
         self, slot: int, others: Ints, looks_s: Floats, way: Floats, most_mps: float, half_m: Floats
     ) -> Floats:
         """(r,) the shortest way that a robot has left to each of the robots `others` (r,): see `way_kernels`."""
-        history = self._states, self._t_s, self._tracks, self.rows.of_slot, self._rest
+        history = self.states, self.t_s, self.tracks, self.rows.of_slot, self._rest
         return ways_left_m(*history, slot, others, looks_s, way, most_mps, half_m)

@@ -11,7 +11,7 @@ import numpy as np
 from deconflict.foresight.history_rows import with_rows
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
-from deconflict.foresight.interactions.report_progress import interaction_reports
+from deconflict.foresight.interactions.recent_reports import interaction_reports
 from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS, KnownRobots
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import REFERENCES, lost_times
@@ -168,13 +168,14 @@ class LossFinder:
         return sorted(ended, key=lambda loss: (loss.until_s, loss.robot))
 
     def _known(self, half_m: Floats, levels_m: Floats, vendor: Ints) -> KnownRobots:
-        history, slots = self._interactions.recent.motion, self._interactions.recent.rows.slots
+        recent = self._interactions.recent
+        slots = recent.rows.slots
         return KnownRobots(
-            newest=np.ascontiguousarray(history.states["newest"]),
-            reports=np.ascontiguousarray(history.states["reports"]),
-            t_s=history.t_s,
-            tracks=history.tracks,
-            floor=history.floor,
+            newest=np.ascontiguousarray(recent.states["newest"]),
+            reports=np.ascontiguousarray(recent.states["reports"]),
+            t_s=recent.t_s,
+            tracks=recent.tracks,
+            floor=recent.floor,
             half_m=half_m.take(slots, axis=1),
             levels_m=levels_m.take(slots, axis=1),
             vendor=vendor[slots],
@@ -215,8 +216,8 @@ class LossFinder:
 
     def _speed_mps(self, row: int) -> float:
         """Until the newest report."""
-        history = self._interactions.recent.motion
-        return float(history.speed[row, history.states["newest"][row]])
+        recent = self._interactions.recent
+        return float(recent.speed[row, recent.states["newest"][row]])
 
     def _end(self, row: int) -> None:
         loss = self._open.pop(row)

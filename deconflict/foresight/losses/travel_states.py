@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from deconflict.foresight.interactions.report_progress import EXPLAINS_STANDING
+from deconflict.foresight.interactions.recent_reports import EXPLAINS_STANDING
 from deconflict.foresight.losses.losing import GOES, HALTS, NO_WAY, ORDER, PATH, RESTS, VELOCITY, WAITS
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Basis, Batch, Bools, Floats, Ints

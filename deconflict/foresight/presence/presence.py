@@ -6,7 +6,6 @@ grown by a fifth, so that never all robots are checked at once. If another robot
 there: it is removed until it reports again. Pure: the same calls give the same results.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from math import inf
@@ -42,7 +41,7 @@ from deconflict.foresight.presence.silence_outcomes import (
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import DEFAULT, Site
 from deconflict.sweep.geometry.pose import pose_at
-from ingest.batch import Basis, Batch, Floats, FloorPoint, Forecasts
+from ingest.batch import Basis, Batch, FloorPoint, Forecasts
 from ingest.measures.measures import Measures
 
 SILENCES, PROBABLY_LEFT_ROBOTS = "deconflict_silences_total", "deconflict_robots_probably_left"
@@ -88,7 +87,10 @@ class Presence:
         self.moved: set[str] = set()
         """Of the last `take_returned`, those that began anew at another place."""
         self._moved: set[str] = set()
-        self._silences, self._removed = LastingSilences(), RemovedRobots()
+        self.silences = LastingSilences()
+        """As of the last step."""
+        self.removed = RemovedRobots()
+        """Those through whose places others have driven."""
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
         self._next_s: dict[str, float] = {}
@@ -99,7 +101,7 @@ class Presence:
     def receive(self, batch: Batch) -> Batch:
         """Take in the reports of a batch. Returns the batch without the robots that are still removed. Robots that are
         removed because of this batch are in its `gone`."""
-        batch = self._removed.without(batch)
+        batch = self.removed.without(batch)
         for uuid in batch.began_anew:
             self._intervals.forget(uuid)
         legs, new = self._intervals.add_batch(batch)
@@ -127,8 +129,8 @@ class Presence:
         while self._due and self._due[0][0] <= now_s:
             due_s, uuid = heappop(self._due)
             if self._next_s.get(uuid) == due_s:
-                self._check_silent(uuid, self._silences.silences[uuid], self._live.robots[uuid], now_s)
-        return self._silences.take_changes()
+                self._check_silent(uuid, self.silences.silences[uuid], self._live.robots[uuid], now_s)
+        return self.silences.take_changes()
 
     def take_returned(self) -> set[str]:
         """The robots that were new or silent before they reported, since the last call."""
@@ -136,26 +138,10 @@ class Presence:
         returned, self._returned = self._returned, set()
         return returned
 
-    def there(self, uuid: str) -> float:
-        """The probability that a robot is still present, as of the last step; 1 for a robot that is heard."""
-        return self._silences.there(uuid)
-
-    def both_there(self, pairs: Sequence[tuple[str, str]]) -> Floats:
-        """(n,) the probability that both robots of each pair are present."""
-        return self._silences.both_there(pairs)
-
-    def has_probably_left(self, uuid: str) -> bool:
-        """Whether a robot has probably left, as of the last step."""
-        return self._silences.has_probably_left(uuid)
-
     def silent_s(self, uuid: str, now_s: float) -> float | None:
         """For how long a silent robot has said nothing; None for a robot that is heard."""
-        silence = self._silences.silences.get(uuid)
+        silence = self.silences.silences.get(uuid)
         return now_s - silence.heard_s if silence else None
-
-    def removal_of(self, uuid: str) -> RemovedRobot | None:
-        """How a robot was removed; None if it is not removed."""
-        return self._removed.robots.get(uuid)
 
     def exits(self, now_s: float) -> list[UsualExit]:
         """The places where robots usually leave, as of a few seconds ago."""
@@ -166,8 +152,8 @@ class Presence:
     def document(self, now_s: float) -> dict[str, Any]:
         """The JSON document for people: silent robots, the least probable first; removed robots, the newest first; and
         exits. Each list is cut to `MOST_SHOWN`."""
-        fading = sorted(self._silences.fading.items(), key=lambda item: item[1])[:MOST_SHOWN]
-        removed = sorted(self._removed.robots.items(), key=lambda item: -item[1].at_s)[:MOST_SHOWN]
+        fading = sorted(self.silences.fading.items(), key=lambda item: item[1])[:MOST_SHOWN]
+        removed = sorted(self.removed.robots.items(), key=lambda item: -item[1].at_s)[:MOST_SHOWN]
         return {
             "fading": {uuid: round(there, 2) for uuid, there in fading},
             "taken_off": {uuid: robot._asdict() for uuid, robot in removed},
@@ -177,19 +163,19 @@ class Presence:
     @property
     def learners(self) -> dict[str, Learner]:
         """What is kept over a restart: the outcomes of silences, the removed robots, and where robots were heard."""
-        return {"silences": self._outcomes, "taken_off": self._removed, HEARD_GROUND: self._ground}
+        return {"silences": self._outcomes, "taken_off": self.removed, HEARD_GROUND: self._ground}
 
     def _back(self, batch: Batch, legs: Legs) -> list[int]:
         """The rows of robots that report again, whose silences end."""
-        silent, removed = self._silences.silences, self._removed.robots
+        silent, removed = self.silences.silences, self.removed.robots
         if not silent and not removed:
             return []
         back = [row for row in legs.rows.tolist() if batch.robots[row] in silent or batch.robots[row] in removed]
         for row in back:
             uuid = batch.robots[row]
-            if silence := self._silences.end(uuid):
+            if silence := self.silences.end(uuid):
                 self._end_silence(uuid, silence, batch, row)
-            elif removal := self._removed.put_back(uuid):
+            elif removal := self.removed.put_back(uuid):
                 robot, case = removal
                 self._measures.count(SILENCES, robot.vendor, "elsewhere")
                 if case:
@@ -208,8 +194,8 @@ class Presence:
                 self._outcomes.count_length(silence.case, float(batch.arrival_s[row]) - silence.heard_s)
 
     def _forget(self, uuid: str) -> None:
-        self._silences.end(uuid)
-        self._removed.put_back(uuid)
+        self.silences.end(uuid)
+        self.removed.put_back(uuid)
         self._next_s.pop(uuid, None)
         self._forget_place(uuid)
         self._connections.leave(uuid)
@@ -223,15 +209,15 @@ class Presence:
         """
         removed = []
         for uuid, row in self._places.driven_through(batch, legs).items():
-            if (place := self._last_seen_at.get(uuid)) and uuid in self._silences.silences:
-                self._believe_stopped(uuid, self._silences.silences[uuid])
+            if (place := self._last_seen_at.get(uuid)) and uuid in self.silences.silences:
+                self._believe_stopped(uuid, self.silences.silences[uuid])
                 self._places.set(uuid, place)
                 continue
-            if silence := self._silences.end(uuid):
+            if silence := self.silences.end(uuid):
                 name = self._live.robots[uuid].name
                 robot = RemovedRobot(silence.vendor, name, silence.heard_s, batch.now_s, batch.names[row])
                 case = silence.case if silence.counts else None
-                self._removed.add(uuid, robot, case)
+                self.removed.add(uuid, robot, case)
                 self._measures.count(SILENCES, silence.vendor, "driven_through")
                 if case:
                     self._outcomes.count(case, {LEFT: 1.0})
@@ -244,7 +230,7 @@ class Presence:
         """A robot is believed to stand where it was last heard."""
         silence.stood = True
         self._last_seen_at.discard(uuid)
-        self._silences.changes.stopped.append(uuid)
+        self.silences.changes.stopped.append(uuid)
 
     def _forget_place(self, uuid: str) -> None:
         """Forget the believed place of a robot."""
@@ -285,12 +271,12 @@ class Presence:
         forecast, last_seen = robot.forecast, self._last_seen(uuid, robot)
         goes = _goes(forecast)
         if last_seen is LastSeen.STANDING and goes:
-            self._silences.changes.stopped.append(uuid)
+            self.silences.changes.stopped.append(uuid)
         if last_seen in (LastSeen.GOING, LastSeen.LEAVING) and goes:
             self._last_seen_at.set(uuid, place_of(forecast, pose_at(forecast, float(forecast.t_s[0])), robot.doubt_m))
         case, counts = self._case_of(robot, last_seen), now_s - heard_s < KNOWN_AFTER_S
         silence = LastingSilence(heard_s, grace_s, robot.vendor, last_seen is LastSeen.STANDING, case, counts)
-        self._silences.begin(uuid, silence)
+        self.silences.begin(uuid, silence)
         return silence
 
     def _last_seen(self, uuid: str, robot: LiveRobot) -> LastSeen:
@@ -324,7 +310,7 @@ class Presence:
                 columns = (THERE, LEFT) if known else (MAYBE_THERE, MAYBE_LEFT)
                 self._outcomes.count(silence.case, dict(zip(columns, (there, 1.0 - there), strict=True)))
             if abs(there - silence.there) >= LEAST_CHANGE:
-                self._silences.set_there(uuid, there)
+                self.silences.set_there(uuid, there)
         self._plan_check(uuid, min(now_s + LOOK_SHARE * silent_s, self._set_place(uuid, silence, robot, now_s)))
 
     def _set_place(self, uuid: str, silence: LastingSilence, robot: LiveRobot, now_s: float) -> float:
@@ -340,7 +326,7 @@ class Presence:
         return inf
 
     def _measure(self) -> None:
-        self._measures.level(PROBABLY_LEFT_ROBOTS, dict(self._silences.left))
+        self._measures.level(PROBABLY_LEFT_ROBOTS, dict(self.silences.left))
 
 
 def _goes(forecast: Forecasts) -> bool:

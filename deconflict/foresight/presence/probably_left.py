@@ -89,6 +89,7 @@ class LastingSilences:
         return self.fading.get(uuid, 1.0)
 
     def has_probably_left(self, uuid: str) -> bool:
+        """Whether a robot has probably left."""
         return self.there(uuid) < PROBABLY_LEFT
 
     def _count(self, silence: LastingSilence, there: float) -> int:

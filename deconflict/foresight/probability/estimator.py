@@ -17,13 +17,13 @@ from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
 from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
-from deconflict.foresight.forecast_errors.track_kernels import Errors
+from deconflict.foresight.forecast_errors.track_kernels import Errors, speed_mps
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S
 from deconflict.foresight.losses.loss_finder import LossFinder
 from deconflict.foresight.motion_assumptions import JOINED_S
 from deconflict.foresight.probability.advice_followers import AdviceFollowers
-from deconflict.foresight.probability.calibration import Calibration, contact_features, log_odds
+from deconflict.foresight.probability.calibration import contact_features, log_odds
 from deconflict.foresight.probability.error_band_kernels import Bounds, update_surprise
 from deconflict.foresight.probability.outcome_learning import OutcomeLearning
 from deconflict.foresight.probability.pair_candidates import PairCandidates, SweptConflicts
@@ -86,36 +86,19 @@ class ProbabilityEstimator:
         self.degradation = DegradationDetector()
         self.start_times = StartTimes()
         self.learning = OutcomeLearning(horizon_s, measures)
-        self._bounds = Bounds(clearance_m, apart_m, horizon_s)
-        self._robots, self.pending = TrackedRobots(crowds), PendingForecasts()
+        self.bounds = Bounds(clearance_m, apart_m, horizon_s)
+        """The clearance and the horizon for which probabilities are learned."""
+        self.robots = TrackedRobots(crowds)
+        """The robots, and the numbers of their vendors."""
+        self.pending = PendingForecasts()
         self._stated_ways, self._doubts = blank_records(0), DoubtedRobots()
         self.losses, self.followers = LossFinder(), AdviceFollowers()
-        self._candidates = PairCandidates(self._robots, clearance_m, horizon_s, claims)
-        self._measuring = PairMeasuring(self._bounds, self._robots, self.pending)
-        self._rollouts = PairRollouts(clearance_m, horizon_s, self._robots, self.pending)
+        self._candidates = PairCandidates(self.robots, clearance_m, horizon_s, claims)
+        self._measuring = PairMeasuring(self.bounds, self.robots, self.pending)
+        self._rollouts = PairRollouts(clearance_m, horizon_s, self.robots, self.pending)
         self.pairs = np.zeros(0, PAIR)
         self._looked_s = float("-inf")
         measures.call_before_reading(self._measure)
-
-    @property
-    def calibration(self) -> Calibration:
-        """The model of getting in each other's way."""
-        return self.learning.calibration
-
-    @property
-    def contact(self) -> Calibration:
-        """The model of coming within the clearance alone."""
-        return self.learning.contact
-
-    @property
-    def robots(self) -> TrackedRobots:
-        """The robots, and the numbers of their vendors."""
-        return self._robots
-
-    @property
-    def bounds(self) -> Bounds:
-        """The clearance and the horizon for which probabilities are learned."""
-        return self._bounds
 
     def receive(self, batch: Batch) -> Batch:
         """Compare earlier forecasts with the new reports, and keep the new forecasts.
@@ -127,13 +110,13 @@ class ProbabilityEstimator:
             self._forget(batch.gone)
         if not len(batch):
             return batch
-        slots = self._robots.add(batch)
-        self._grow(len(self._robots))
+        slots = self.robots.add(batch)
+        self._grow(len(self.robots))
         announced, batch = batch, self._believed(batch, slots)
         kinds = (batch.vendors, batch.models, batch.basis.tolist(), batch.now_s)
         ledger_rows = np.array(self.ledger.rows(*kinds))
         self.following.add_kinds(self.ledger, batch.now_s)
-        self._robots.update(slots, batch)
+        self.robots.update(slots, batch)
         reports = ReportedTracks.of(batch, slots, ledger_rows)
         self._record_errors(self._compare(reports, batch.now_s), batch.now_s)
         self._find_interactions(batch, reports)
@@ -147,19 +130,19 @@ class ProbabilityEstimator:
         t_s, x_m, y_m = ready(f.t_s), ready(f.x_m), ready(f.y_m)
         start, floor = ready(f.start, np.int64), ready(f.floor, np.int64)
         rows = compare_with_stated_ways(self._stated_ways, slots, start, t_s, x_m, y_m, floor)
-        return straight_on(batch, rows, slots[rows], self._stated_ways, self._bounds.horizon_s) if len(rows) else batch
+        return straight_on(batch, rows, slots[rows], self._stated_ways, self.bounds.horizon_s) if len(rows) else batch
 
     def _compare(self, reports: ReportedTracks, now_s: float) -> Errors:
         """The errors of earlier forecasts that the reports show. Robots that wait as advised have none: their earlier
         forecasts are not held against them."""
-        slots, robots = reports.slot, self._robots.records
+        slots, robots = reports.slot, self.robots.records
         before, before_s = robots[slots], self.pending.newest[slots, 0]
-        errors, stand = self.pending.add_reports(robots, self._robots.half_m, reports, self.ledger.bands_m)
-        followers = self.followers.record_waits(slots, stand, self.pending.newest, self._robots.half_m)
+        errors, stand = self.pending.add_reports(robots, self.robots.half_m, reports, self.ledger.bands_m)
+        followers = self.followers.record_waits(slots, stand, self.pending.newest, self.robots.half_m)
         if len(followers):
             self.pending.drop_forecasts(followers)
             errors = errors[~np.isin(errors["robot"], followers)]
-        blocked, newest_s = self._rollouts.waits_for[slots] != NOBODY, self.pending.newest[slots, 0]
+        blocked, newest_s = self._rollouts.schedule.waits_for[slots] != NOBODY, self.pending.newest[slots, 0]
         record_starts(self.start_times, before, robots[slots], blocked, before_s, newest_s, now_s)
         return errors
 
@@ -168,18 +151,18 @@ class ProbabilityEstimator:
         on_their_way = errors[errors["following"]]
         self.following.record(on_their_way, now_s)
         self.degradation.add_errors(errors, self.ledger.kinds, now_s)
-        update_surprise(self._robots.records, on_their_way)
+        update_surprise(self.robots.records, on_their_way)
 
     def _find_interactions(self, batch: Batch, reports: ReportedTracks) -> None:
         """Find which robots gave way to each other, by the reports of a batch, and note it in their pairs."""
         usual_m = self.following.bands_m[reports.kind, :GIVES_WAY_AHEAD_S, 2]
-        robots, reported = self._robots, (reports.slot, reports.track, usual_m)
+        robots, reported = self.robots, (reports.slot, reports.track, usual_m)
         bodies, is_crowded = (robots.half_m, robots.levels_m), robots.is_crowded()
         for interaction in self.losses.receive(batch, *reported, *bodies, robots.vendor, is_crowded):
             self._note_interaction(interaction)
 
     def _note_interaction(self, interaction: Interaction) -> None:
-        row = row_of(self.pairs, self._robots.pair_code(interaction.robot, interaction.other))
+        row = row_of(self.pairs, self.robots.pair_code(interaction.robot, interaction.other))
         if row is None:
             return
         pair = self.pairs[row]
@@ -196,18 +179,18 @@ class ProbabilityEstimator:
 
         Returns the pairs of the exact sweep, and other pairs whose `deciding` is at least `likely`.
         """
-        swept_codes, has_news = self._candidates.swept_codes(swept), self._robots.take_news()
+        swept_codes, has_news = self._candidates.codes_of(swept.pairs), self.robots.take_news()
         known = self.pending, self.ledger.bands_m
         nearby_codes = self._candidates.nearby_codes(has_news, *known, now_s, self.pairs)
         candidates = np.concatenate([swept_codes, nearby_codes])
-        pairs, fresh, rows, due = select_pairs(self.pairs, candidates, has_news, self._robots.is_dormant, now_s)
+        pairs, fresh, rows, due = select_pairs(self.pairs, candidates, has_news, self.robots.is_dormant, now_s)
         self.pairs, swept_rows, self._looked_s = pairs, rows[: len(swept_codes)], now_s
         self._measuring.measure(
             pairs, due, swept, swept_rows, bands_m=self.following.bands_m, start_times=self.start_times,
             is_blocked=self._rollouts.is_blocked, now_s=now_s,
         )  # fmt: skip
         self._rollouts.run_due(pairs, due, self.start_times, now_s)
-        self.learning.learn(now_s, pairs, self._own_until_s, self._robots.pair_vendors)
+        self.learning.learn(now_s, pairs, self._own_until_s, self.robots.pair_vendors)
         self._set_probabilities(now_s)
         if self.learning.is_due(now_s):
             asked = pairs[open_rows(pairs, self.pending.newest, now_s - JOINED_S)]
@@ -215,20 +198,20 @@ class ProbabilityEstimator:
             self.learning.ask(now_s, asked["code"], asked["features"])
         rows, other_codes = rows_to_report(pairs, swept_rows, likely)
         columns = {name: pairs[name][rows] for name in PairEstimates._fields if name in PAIR_FIELDS}
-        return PairEstimates(pairs=[*swept.pairs, *self._robots.pair_names(other_codes)], fresh=fresh[rows], **columns)
+        return PairEstimates(pairs=[*swept.pairs, *self.robots.pair_names(other_codes)], fresh=fresh[rows], **columns)
 
     def _set_probabilities(self, now_s: float) -> None:
         """Set the probabilities of the watched pairs, from their features and from the other pairs of their robots."""
-        pairs, robots = self.pairs, self._robots
+        pairs, robots = self.pairs, self.robots
         stands, crowded, records = robots.is_standing(slice(None)), robots.is_crowded(), robots.records
         stays = records["stays"] | (now_s - records["stood_since_s"] >= STAYS_S)
-        set_preemption(pairs, stands, stays, self._rollouts.waits_for, crowded, now_s, PREEMPTED_S, SETTLED_S)
+        set_preemption(pairs, stands, stays, self._rollouts.schedule.waits_for, crowded, now_s, PREEMPTED_S, SETTLED_S)
         rows = np.flatnonzero(pairs["watched"])
         features, code = pairs["features"][rows], pairs["code"][rows]
         vendors, present = robots.pair_vendors(code), robots.both_present(code)
-        contact = self.contact.estimate(contact_features(features), vendors).probability
+        contact = self.learning.contact.estimate(contact_features(features), vendors).probability
         features[:, TOUCHING] = pairs["features"][rows, TOUCHING] = log_odds(contact)
-        estimate = self.calibration.estimate(features, vendors)
+        estimate = self.learning.calibration.estimate(features, vendors)
         for name, column in zip(ESTIMATED, (*estimate, np.minimum(contact, estimate.probability)), strict=True):
             pairs[name][rows] = column * present
 
@@ -242,16 +225,16 @@ class ProbabilityEstimator:
 
     def _of_heard(self, column: str) -> list[tuple[Pair, float]]:
         """What a column of the table has of each pair in no encounter of which both robots are heard."""
-        rank, rows = self._robots.rank, open_rows(self.pairs, self.pending.newest, self._looked_s - JOINED_S)
+        rank, rows = self.robots.rank, open_rows(self.pairs, self.pending.newest, self._looked_s - JOINED_S)
         a, b = slots_of(self.pairs["code"][rows])
         heard = self.pairs[rows[np.argsort(rank[a] * len(rank) + rank[b])]]
-        return list(zip(self._robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
+        return list(zip(self.robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
 
     def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots are advised to wait until these times, by UUID."""
-        for uuid in until_s.keys() & self._robots.slots.keys():
-            slot = self._robots.slots[uuid]
-            stands = self._robots.records["rests"][slot] or self.pending.speed_mps(slot) < STANDING_MPS
+        for uuid in until_s.keys() & self.robots.slots.keys():
+            slot = self.robots.slots[uuid]
+            stands = self.robots.records["rests"][slot] or speed_mps(self.pending.history, slot) < STANDING_MPS
             self.followers.note_advice(slot, now_s, until_s[uuid], bool(stands))
 
     def note_followed(self, now_s: float, followed: Iterable[Followed]) -> None:
@@ -263,12 +246,12 @@ class ProbabilityEstimator:
     def following_advice(self, now_s: float) -> list[str | Pair]:
         """UUIDs of the robots that wait as advised, by their newest reports, and the pairs of which one robot does what
         it was asked for the other."""
-        robots = sorted(self._robots.names[self.followers.waiting(now_s - JOINED_S)].tolist())
-        return [*robots, *sorted(self._robots.pair_names(self.followers.followed(now_s - JOINED_S)))]
+        robots = sorted(self.robots.names[self.followers.waiting(now_s - JOINED_S)].tolist())
+        return [*robots, *sorted(self.robots.pair_names(self.followers.followed(now_s - JOINED_S)))]
 
     def last_advised_wait_s(self, uuid: str) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was."""
-        return self.followers.last_wait_s(self._robots.slots.get(uuid))
+        return self.followers.last_wait_s(self.robots.slots.get(uuid))
 
     def has_followed(self, robot: str, other: str, at_s: float) -> bool:
         """Whether one of two robots did what it was asked for the other at `at_s`."""
@@ -276,46 +259,46 @@ class ProbabilityEstimator:
 
     def _code_of(self, robot: str, other: str) -> int | None:
         """The code of two robots in any order; None if one of them is unknown."""
-        slots = self._robots.slots_of({robot, other}).tolist()
-        return self._robots.pair_code(*slots) if len(slots) == 2 else None
+        slots = self.robots.slots_of({robot, other}).tolist()
+        return self.robots.pair_code(*slots) if len(slots) == 2 else None
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""
-        return bool(self._robots.is_standing(self._robots.slots_of((uuid,))).any())
+        return bool(self.robots.is_standing(self.robots.slots_of((uuid,))).any())
 
     def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
-        return (slot := self._robots.slots.get(uuid)) is not None and bool(self._contradicts(slot))
+        return (slot := self.robots.slots.get(uuid)) is not None and bool(self._contradicts(slot))
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots to name as those that move otherwise than they announce, in ascending order."""
-        return sorted(self._robots.names[self._doubts.named(self._looked_s)].tolist())
+        return sorted(self.robots.names[self._doubts.named(self._looked_s)].tolist())
 
     def _contradicts(self, slots: int | Ints | slice) -> Bools:
         """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""
-        surprise, contradiction = self._robots.records["surprise"], self._stated_ways["contradiction"]
+        surprise, contradiction = self.robots.records["surprise"], self._stated_ways["contradiction"]
         return (surprise[slots] > DISTRUSTED) | (contradiction[slots] > 1.0)
 
     def _measure(self) -> None:
         measure(self.ledger, self.measures)
-        vendors, of_robots = self._robots.vendor_numbers, self._robots.vendor[self._doubts.named(self._looked_s)]
+        vendors, of_robots = self.robots.vendor_numbers, self.robots.vendor[self._doubts.named(self._looked_s)]
         counts = np.bincount(of_robots, minlength=len(vendors)).tolist()
         self.measures.level("deconflict_robots_distrusted", {(name,): counts[row] for name, row in vendors.items()})
 
     def set_presence(self, uuid: str, probability: float) -> None:
         """Set the probability that a robot is present."""
-        self._robots.absence[self._robots.slots_of((uuid,))] = 1.0 - probability
+        self.robots.absence[self.robots.slots_of((uuid,))] = 1.0 - probability
 
     def let_sleep(self, uuids: Collection[str], now_s: float) -> None:
         """These robots stand until they report: no pair of two such robots is watched, and later they rest."""
-        resting = self._robots.let_sleep(uuids, now_s, self.pending.heard_s)
+        resting = self.robots.let_sleep(uuids, now_s, self.pending.newest[:, 0])
         self.pending.rest(resting)
         for interaction in self.losses.rest(resting):
             self._note_interaction(interaction)
 
     def mark_silent(self, uuids: Collection[str]) -> None:
         """Robots have fallen silent. Whether one of them still gives way, or another robot to it, is not known."""
-        slots = self._robots.slots_of(uuids)
+        slots = self.robots.slots_of(uuids)
         if len(slots):
             is_theirs = has_robot_of(self.pairs["code"], slots)
             self.pairs["gives_way"][is_theirs], self.pairs["gave_way_s"][is_theirs] = False, -np.inf
@@ -326,25 +309,25 @@ class ProbabilityEstimator:
             self._resolve_left(uuids, were_present=False)
 
     def _resolve_left(self, uuids: Collection[str], were_present: bool) -> None:
-        slots = self._robots.slots_of(uuids)
-        self.learning.resolve_left(slots, self.pairs, self._own_until_s, were_present=were_present)
+        slots = self.robots.slots_of(uuids)
+        self.learning.questions.resolve_left(slots, self.pairs, self._own_until_s, were_present=were_present)
 
     def _own_until_s(self, code: Ints, asked_s: float) -> Floats:
         """(p,) until when both robots of each pair were heard and drove unadvised."""
-        return self.followers.own_until_s(self.pending.newest, code, asked_s, self._bounds.horizon_s)
+        return self.followers.own_until_s(self.pending.newest, code, asked_s, self.bounds.horizon_s)
 
     def _grow(self, slots: int) -> None:
         more = slots - len(self._stated_ways)
         if more > 0:
             self._stated_ways = np.concatenate([self._stated_ways, blank_records(more)])
-            for table in (self.pending, self._doubts, self._rollouts, self.losses, self.followers):
+            for table in (self.pending, self._doubts, self._rollouts.schedule, self.losses, self.followers):
                 table.grow(slots)
 
     def _forget(self, uuids: Collection[str]) -> None:
-        if not len(slots := self._robots.remove(uuids)):
+        if not len(slots := self.robots.remove(uuids)):
             return
         self._stated_ways[slots] = blank_records(len(slots))
-        for table in (self.pending, self._doubts, self._rollouts, self.losses, self.followers):
+        for table in (self.pending, self._doubts, self._rollouts.schedule, self.losses, self.followers):
             table.forget(slots)
         a, b = slots_of(self.pairs["code"])
-        self.pairs = self.pairs[self._robots.is_used[a] & self._robots.is_used[b]]
+        self.pairs = self.pairs[self.robots.is_used[a] & self.robots.is_used[b]]

@@ -165,10 +165,6 @@ class OutcomeLearning:
         self._asked_s = floor(now_s)
         self.questions.ask(now_s, code, features)
 
-    def resolve_left(self, slots: Ints, pairs: Pairs, own_until_s: OwnUntil, *, were_present: bool) -> None:
-        """See `OpenQuestions.resolve_left`."""
-        self.questions.resolve_left(slots, pairs, own_until_s, were_present=were_present)
-
     def learn(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil, vendors_of: Callable[[Ints], Ints]) -> None:
         """Learn from the questions that can be answered now. `vendors_of` returns one number for the two vendors of
         each code."""

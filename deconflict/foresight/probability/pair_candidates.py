@@ -36,11 +36,7 @@ class PairCandidates:
     def __init__(self, robots: TrackedRobots, clearance_m: float, horizon_s: float, claims: Claims | None) -> None:
         self._robots, self._clearance_m, self._horizon_s, self._claims = robots, clearance_m, horizon_s, claims
 
-    def swept_codes(self, swept: SweptConflicts) -> Ints:
-        """(c,) the codes of the pairs that the sweep found."""
-        return self._codes_of(swept.pairs)
-
-    def _codes_of(self, pairs: Iterable[Pair]) -> Ints:
+    def codes_of(self, pairs: Iterable[Pair]) -> Ints:
         """(p,) the codes of those of `pairs` of which both robots are known."""
         slots_of = self._robots.slots
         known = [(slots_of[a], slots_of[b]) for a, b in pairs if a in slots_of and b in slots_of]
@@ -88,7 +84,7 @@ class PairCandidates:
         """`most` of the pairs `found` (p, 3), or few more; see `PendingForecasts.candidate_pairs`."""
         robots = self._robots
         a, b, moment = (np.ascontiguousarray(column) for column in found.T)
-        watched = self._codes_of(claims.watched())
+        watched = self.codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
         return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded()), most)]

@@ -29,25 +29,12 @@ class PairRollouts:
     def __init__(self, clearance_m: float, horizon_s: float, robots: TrackedRobots, pending: PendingForecasts) -> None:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._robots, self._pending = robots, pending
-        self._schedule = RolloutSchedule()
-
-    @property
-    def waits_for(self) -> Ints:
-        """(slots,) the slot of the robot that a standing robot has to wait for; `NOBODY` if there is none."""
-        return self._schedule.waits_for
+        self.schedule = RolloutSchedule()
 
     @property
     def is_blocked(self) -> Bools:
         """(slots,) whether a standing robot has to wait for another one."""
-        return self._schedule.waits_for != NOBODY
-
-    def grow(self, slots: int) -> None:
-        """Make room for this many slots."""
-        self._schedule.grow(slots)
-
-    def forget(self, slots: Ints) -> None:
-        """Other robots have these slots from now on."""
-        self._schedule.forget(slots)
+        return self.schedule.waits_for != NOBODY
 
     def run_due(self, pairs: Pairs, due: Ints, start_times: StartTimes, now_s: float) -> None:
         """Run the rollout of the robots whose turn it is. Write its feature into the rows `due` of `pairs`, and into
@@ -55,7 +42,7 @@ class PairRollouts:
         robots, is_crowded = self._robots, self._robots.is_crowded()
         near = pairs[needs_rollout(pairs, robots.absence, is_crowded)]
         a, b = slots_of(near["code"])
-        slots = self._schedule.due(a, b, robots.key, now_s)
+        slots = self.schedule.due(a, b, robots.key, now_s)
         if len(slots):
             slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
             nearest = np.argsort(near["near_m"], kind="stable")[: MOST_DRIVEN * len(slots)]
@@ -63,11 +50,11 @@ class PairRollouts:
             result = run_rollout(self._input(slots, watched, start_times, now_s), self._horizon_s, self._clearance_m)
             is_swapped = robots.rank[result.a] > robots.rank[result.b]
             first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)
-            self._schedule.store(slots, result, codes(first, second), now_s)
+            self.schedule.store(slots, result, codes(first, second), now_s)
             is_due = has_robot_of(pairs["code"], slots)
             is_due[due] = True
             due = np.flatnonzero(is_due)
-        pairs["features"][due, DRIVEN] = self._schedule.features_of(pairs["code"][due])
+        pairs["features"][due, DRIVEN] = self.schedule.features_of(pairs["code"][due])
         a, b = slots_of(pairs["code"][due])
         pairs["features"][due[is_crowded[a] | is_crowded[b]], DRIVEN] = EVEN
 
@@ -84,7 +71,7 @@ class PairRollouts:
             slot=slots,
             key=columns.key[slots],
             since_s=now_s - newest[:, 0],
-            track=self._pending.track[slots],
+            track=self._pending.history.track[slots],
             half_m=np.ascontiguousarray(columns.half_m[:, slots]),
             levels_m=np.ascontiguousarray(columns.levels_m[:, slots]),
             stands=columns.is_standing(slots),

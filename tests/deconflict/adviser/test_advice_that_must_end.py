@@ -43,7 +43,7 @@ def test_what_is_open_when_the_adviser_fails_is_ended_once(monkeypatch: pytest.M
     scene, advice, now_s = asked_of_a_robot()
 
     def fails(*_: object) -> None:
-        scene.engine._shared.asked._standoffs.end_all()  # as if it had ended requests before it failed
+        scene.engine._shared.asked.standoffs.end_all()  # as if it had ended requests before it failed
         raise KeyError("robot")
 
     with monkeypatch.context() as patched:

@@ -203,7 +203,7 @@ def test_nothing_is_learned_from_robots_that_report_what_cannot_be_true() -> Non
     floor = Floor({f"M-{n}": on_one_spot(n) for n in range(20)})
     floor.run(8.0)
     foresight = floor.engine.foresight
-    crowded = foresight._robots.slots_of([robot(f"M-{n}") for n in range(20)])
+    crowded = foresight.robots.slots_of([robot(f"M-{n}") for n in range(20)])
     asked = foresight._candidates.worth_learning_from(foresight.pairs)
     assert has_robot_of(foresight.pairs["code"], crowded).any()
     assert not has_robot_of(asked["code"], crowded).any()

@@ -28,7 +28,7 @@ def test_nothing_is_asked_about_robots_in_a_crowd_until_they_have_left_it() -> N
         crowds.clear()
         if NOW_S + 13.0 <= now_s < NOW_S + 16.0:
             crowds[robot("A")] = 1
-        advice.set_pending(advice.pending())
+        advice.answers.set_pending(advice.answers.pending())
         advice.add_holds(now_s, conflicts)
     assert asked == [NOW_S + 12.0, NOW_S + 16.0]
     assert asked[0] + AGAIN_S < NOW_S + 15.5

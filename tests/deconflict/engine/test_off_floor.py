@@ -131,6 +131,6 @@ def test_what_a_robot_that_was_moved_by_hand_was_a_party_of_ends_and_its_leap_pa
     floor.wait(1.0)
     (cleared,) = floor.of("conflict", AdvisoryState.CLEARED)
     assert cleared.cleared_code is ClearedCode.MOVED_BY_HAND
-    assert floor.presence.removal_of(robot("asleep")) is None
+    assert robot("asleep") not in floor.presence.removed.robots
     assert floor.engine.live.robots[robot("stands")].forecast.x_m.tolist() == [30.0]
     assert floor.engine.live.robots[robot("stands")] is not before, "nothing of it is continued"

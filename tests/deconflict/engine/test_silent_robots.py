@@ -80,7 +80,7 @@ def test_a_robot_that_has_left_by_an_exit_has_no_conflicts(door: Mapping[str, Pa
     assert at_the_door(None).conflicts(AdvisoryState.RAISED) != []
     floor = at_the_door(door)
     assert floor.conflicts(AdvisoryState.RAISED) == []
-    assert floor.presence.has_probably_left(robot("first"))
+    assert floor.presence.silences.has_probably_left(robot("first"))
 
 
 def test_a_robot_that_has_probably_left_is_still_an_obstacle(door: Mapping[str, Part]) -> None:
@@ -129,7 +129,7 @@ def test_a_pair_was_kept_apart_where_one_was_silent_and_driven_through_and_is_un
     # where its path ends, and where it was heard last
     for path_s, is_off in ((1, True), (10, False)):
         floor, known = followed(0.2, path_s)
-        assert (floor.presence.removal_of(robot("first")) is not None) == is_off
+        assert (robot("first") in floor.presence.removed.robots) == is_off
         assert known["passed"] > 0
         assert known["left"] < unknown["left"]
 
@@ -192,7 +192,7 @@ def two_at_the_door() -> Judged:
 
 
 def watched_pairs(floor: Judged) -> list[tuple[str, str]]:
-    pairs, robots = floor.engine.foresight.pairs, floor.engine.foresight._robots
+    pairs, robots = floor.engine.foresight.pairs, floor.engine.foresight.robots
     return robots.pair_names(pairs["code"][pairs["watched"]])
 
 

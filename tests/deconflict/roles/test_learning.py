@@ -28,7 +28,8 @@ def test_a_resumed_engine_predicts_like_one_that_never_stopped() -> None:
     assert not resume_all(estimator_learners(resumed.foresight), unpacked(kept))
     assert resumed.foresight.ledger.kinds == steady.foresight.ledger.kinds
     assert np.allclose(resumed.foresight.ledger.bands_m, steady.foresight.ledger.bands_m)
-    assert resumed.foresight.calibration.of_all.weights.tolist() == steady.foresight.calibration.of_all.weights.tolist()
+    after, unbroken = resumed.foresight.learning.calibration, steady.foresight.learning.calibration
+    assert after.of_all.weights.tolist() == unbroken.of_all.weights.tolist()
 
 
 def test_probabilities_learned_at_another_clearance_are_not_used() -> None:
@@ -36,7 +37,8 @@ def test_probabilities_learned_at_another_clearance_are_not_used() -> None:
     stage.run(30)
     learned = learned_of(estimator_learners(stage.foresight))
     wider = Engine(Site.model_validate({"conflict": {"clearance_m": 0.5}}), learned=learned)
-    assert wider.foresight.calibration.of_all.weights.tolist() != stage.foresight.calibration.of_all.weights.tolist()
+    before, after = stage.foresight.learning.calibration, wider.foresight.learning.calibration
+    assert after.of_all.weights.tolist() != before.of_all.weights.tolist()
     assert wider.foresight.ledger.kinds
 
 

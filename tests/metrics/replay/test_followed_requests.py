@@ -48,7 +48,7 @@ def replayed(engine_passes: list[EnginePass]) -> Engine:
 def taught(engine: Engine) -> tuple[dict[tuple[str, ...], float], list[float]]:
     """The outcomes that the model of warnings took in, and what it believes."""
     outcomes = engine.foresight.measures.values["deconflict_probability_outcomes_total"]
-    return dict(outcomes), engine.foresight.calibration.of_all.weights.tolist()
+    return dict(outcomes), engine.foresight.learning.calibration.of_all.weights.tolist()
 
 
 def scores(log: Path) -> dict[str, Any]:

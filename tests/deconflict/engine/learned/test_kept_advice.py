@@ -92,7 +92,7 @@ def test_the_counter_of_yielded_seconds_never_falls(tmp_path: Path, monkeypatch:
     counted_s = yielded_metric(floor)
     assert counted_s > 0.0
     assert yielded_metric(restarted(floor, tmp_path)) == 0.0, "it counts from the start of the engine, as others do"
-    learner = floor.engine._shared.asked._standoffs._worth
+    learner = floor.engine._shared.asked.standoffs._worth
     learner.yields_too_much("Larch", "Rowan", floor.now_s + 10 * 86400.0)
     assert not learner.yielded_s
     assert yielded_metric(floor) == counted_s
@@ -135,7 +135,7 @@ def test_a_changed_site_goes_on_with_what_was_learned_and_its_own_rule_of_verbs(
     site = DEFAULT.model_validate({"vendors": vendors})
     renewed = floor.engine.renewed(site)
     assert not renewed.set_aside
-    following = renewed._shared.asked._standoffs._following
+    following = renewed._shared.asked.standoffs._following
     assert not following.can("Larch", "back_out", floor.now_s)
     assert not following.can("Rowan", "go_around", floor.now_s), "the site allows it, but the robots cannot"
 

@@ -1,3 +1,4 @@
+from itertools import count
 from random import Random
 
 import pytest
@@ -18,6 +19,7 @@ from ingest.settings import Datum
 from tests.helpers.saying import HALL, identity, points, status
 
 NOW_S = 1_792_000_000.0
+NUMBERS = count()
 DOCKS = tuple(
     Resource(kind="dock", id=f"dock-{x}", datum=HALL, polygon=((x, 0), (x + 2, 0), (x + 2, 2), (x, 2)))
     for x in (0, 10, 20)
@@ -25,11 +27,10 @@ DOCKS = tuple(
 
 
 def rest_at(drift: MapDrift, dock: int, x_m: float, y_m: float, vendor: str = "Acme", at_s: float = NOW_S) -> None:
-    """A robot comes to a dock, stands, says so twice, and goes."""
-    at = (10 * dock + 1 + x_m, 1 + y_m)
-    drift.begin_rest("A-1", vendor, HALL, at, at_s)
-    drift.begin_rest("A-1", vendor, HALL, at, at_s)
-    drift.end_rest("A-1")
+    """Another robot comes to a dock, stands, and says so twice."""
+    at, uuid = (10 * dock + 1 + x_m, 1 + y_m), f"A-{next(NUMBERS)}"
+    drift.begin_rest(uuid, vendor, HALL, at, at_s)
+    drift.begin_rest(uuid, vendor, HALL, at, at_s)
 
 
 def with_marks(spread_m: float = 0.05) -> tuple[MapDrift, Random]:

@@ -100,7 +100,7 @@ def test_robots_stand_by_their_forecasts_or_their_last_two_reports() -> None:
     track[:, 5, 0] = np.nan
     _, stands = pending.add_reports(robots, half, reports._replace(event_s=since_s + 1, track=track), BANDS_M)
     assert not stands.any()
-    assert pending.heard_s.tolist() == since_s.tolist()
+    assert pending.newest[:, 0].tolist() == since_s.tolist()
 
 
 def test_reports_between_whole_seconds_are_joined() -> None:
@@ -130,7 +130,7 @@ def test_a_report_that_is_older_than_the_newest_is_left_out() -> None:
         add_report(pending, forecasts)
         add_report(punctual, forecasts)
     assert len(add_report(pending, straight(NOW_S + 1.5, 9.0, 9.0, 1.0))) == 0
-    assert pending.heard_s[0] == NOW_S + 3
+    assert pending.newest[0, 0] == NOW_S + 3
     late, expected = add_report(pending, by_step[4]), add_report(punctual, by_step[4])
     assert len(expected) == 4
     for name in ("along_m", "horizon_s"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deconflict.foresight.interactions.forecast_ways import WAY_M, way_from
+from deconflict.foresight.interactions.interaction_finder import WAY_M, way_from
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.recent_reports import InteractionReports, RecentReports
 from deconflict.foresight.interactions.way_kernels import TOUCHES_M
@@ -61,6 +61,6 @@ def test_a_heading_that_passes_half_a_turn_is_followed_the_short_way() -> None:
     beside, turning = np.array([2.0, 0.75, np.pi + 0.1]), np.array([0.0, 0.0, 0.2])
     recent = known(DRIVES, (beside, turning))
     wrapped = known(DRIVES, (beside, turning))
-    tracks = wrapped.motion.tracks
+    tracks = wrapped.tracks
     tracks[..., 2] = (tracks[..., 2] + np.pi) % (2 * np.pi) - np.pi
     assert left_m(wrapped) == left_m(recent) == np.inf

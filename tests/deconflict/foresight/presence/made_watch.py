@@ -93,7 +93,7 @@ class Watch:
         self.drive(name, x, y, 0.0, seconds, **{"operationalState": "idle"} | fields)
 
     def there(self, name: str) -> float:
-        return self.presence.there(robot(name))
+        return self.presence.silences.there(robot(name))
 
     def outcomes(self) -> dict[str, float]:
         """Silences that have ended, by outcome."""

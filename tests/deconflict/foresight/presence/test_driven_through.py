@@ -23,7 +23,7 @@ def with_silent(silent_s: float = 20.0, **fields: Any) -> Watch:
 
 def is_off(watch: Watch) -> bool:
     off = robot("silent") in watch.gone
-    assert off == (robot("silent") not in watch.live.robots) == (watch.presence.removal_of(robot("silent")) is not None)
+    assert off == (robot("silent") not in watch.live.robots) == (robot("silent") in watch.presence.removed.robots)
     return off
 
 
@@ -33,7 +33,7 @@ def test_a_robot_that_drives_through_the_place_shows_that_it_is_empty() -> None:
     assert not is_off(watch)
     watch.drive("other", 9.0, 0.1, seconds=4)
     assert is_off(watch)
-    off = watch.presence.removal_of(robot("silent"))
+    off = watch.presence.removed.robots.get(robot("silent"))
     assert off is not None
     assert off.by == "Alder other"
     assert watch.outcomes() == {"driven_through": 1}
@@ -147,7 +147,7 @@ def test_a_removed_robot_returns_when_it_reports_and_counts_as_found_elsewhere()
     watch.say("silent", 30.0)
     watch.tick()
     assert robot("silent") in watch.live.robots
-    assert watch.presence.removal_of(robot("silent")) is None
+    assert robot("silent") not in watch.presence.removed.robots
     assert watch.outcomes() == {"driven_through": 1, "elsewhere": 1}
     watch.wait(6.0)
     assert watch.presence.silent_s(robot("silent"), NOW_S + watch.now_s) is not None

@@ -45,9 +45,9 @@ def test_a_conflict_that_advice_prevented_does_not_lower_later_probabilities() -
     assert others["passed",] > outcomes.get(("passed",), 0) + 5
     assert outcomes["left",] > others.get(("left",), 0)
     seen, alike = np.array([[1.0, 2.0, 2.0, 0.3, 0.0]]), np.zeros(1, np.int64)
-    prior = Stage({}).foresight.contact.estimate(seen, alike).probability
+    prior = Stage({}).foresight.learning.contact.estimate(seen, alike).probability
     after_told, after_untold = (
-        staged.foresight.contact.estimate(seen, alike).probability for staged in (stage, untold)
+        staged.foresight.learning.contact.estimate(seen, alike).probability for staged in (stage, untold)
     )
     assert after_untold < prior - 0.01
     assert after_told == pytest.approx(prior, abs=0.002)

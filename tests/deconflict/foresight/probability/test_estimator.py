@@ -105,11 +105,11 @@ def test_a_pair_has_no_probability_in_an_encounter_or_after_a_robot_has_gone(lea
 
 def test_outcomes_are_counted_and_learned() -> None:
     stage = Stage({"a": Walk((0.0, 0.0), (0.0, 0.0)), "b": Walk((-12.0, 0.0), (1.0, 0.0))})
-    prior = stage.foresight.calibration.of_all.weights.copy()
+    prior = stage.foresight.learning.calibration.of_all.weights.copy()
     stage.run(30)
     outcomes = stage.foresight.measures.values["deconflict_probability_outcomes_total"]
     assert outcomes[("met",)] >= 8
-    assert stage.foresight.calibration.of_all.weights.tolist() != prior.tolist()
+    assert stage.foresight.learning.calibration.of_all.weights.tolist() != prior.tolist()
 
 
 def test_passing_the_last_place_of_a_silent_robot_is_no_meeting() -> None:
