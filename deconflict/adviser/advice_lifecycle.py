@@ -57,6 +57,7 @@ class AdviceLifecycle:
         self._answers: dict[str, AnsweredAdvice] = {}
         """By id of the request, the first answer: that is the one that counts."""
         self.refusals = Refusals(measures)
+        """Of what was asked."""
         self._followed: list[Followed] = []
         self._looked_s = float("-inf")
 

@@ -1,8 +1,9 @@
 """The newest reports of each robot, and where robots rest that have not reported for long."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deconflict.foresight.history_rows import HistoryRows, with_rows
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S, KEPT, STATE, Findings, add_reports
@@ -41,17 +42,17 @@ class RecentReports:
 
     def __init__(self) -> None:
         self.rows = HistoryRows()
-        self.states = np.zeros(0, STATE)
+        self.states: NDArray[Any] = np.zeros(0, STATE)
         """(rows,) of `STATE`: which report is the newest, and how many are kept."""
-        self.t_s = np.zeros((0, KEPT))
+        self.t_s: Floats = np.zeros((0, KEPT))
         """(rows, KEPT) time of each kept report."""
-        self.tracks = np.zeros((0, KEPT, AHEAD_S + 1, 3))
+        self.tracks: Floats = np.zeros((0, KEPT, AHEAD_S + 1, 3))
         """(rows, KEPT, AHEAD_S + 1, 3) x_m, y_m and yaw_rad of each kept report and of its forecast."""
-        self.floor = np.zeros((0, KEPT))
+        self.floor: Floats = np.zeros((0, KEPT))
         """(rows, KEPT) floor of each kept report."""
-        self.speed = np.zeros((0, KEPT))
+        self.speed: Floats = np.zeros((0, KEPT))
         """(rows, KEPT) speed from the report before."""
-        self.follows = np.zeros((0, KEPT))
+        self.follows: Floats = np.zeros((0, KEPT))
         """(rows, KEPT) share of the forecast way that the robot had come since the report before."""
         self._rest = np.zeros((0, 4))
         """(slots, 4) x_m, y_m, yaw_rad and floor of each robot that rests; nan for others."""
