@@ -40,6 +40,7 @@ class FclCheck:
     """Finds the first contact by halving the time; FCL excludes intervals without contact."""
 
     def __init__(self, target_m: float, tolerance_m: float) -> None:
+        """A contact is the first time at which the distance is within `tolerance_m` of `target_m`."""
         self.target_m, self.tolerance_m = target_m, tolerance_m
         self.calls = 0
         """Calls of FCL."""

@@ -30,6 +30,7 @@ class PairRollouts:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._robots, self._pending = robots, pending
         self.schedule = RolloutSchedule()
+        """The results, and which robots are due."""
 
     @property
     def is_blocked(self) -> Bools:
