@@ -69,6 +69,7 @@ class PendingForecasts:
             forecast=np.zeros((0, KEPT, HORIZONS, 4)),
             bands_m=np.zeros((0, KEPT, HORIZONS, 3)),
         )
+        """Its columns are by slot or by row, see `BY_SLOT` and `BY_ROW`."""
 
     def grow(self, slots: int) -> None:
         """Make room for this many slots."""
