@@ -60,7 +60,7 @@ class CrossingEntry:
 
     def _in_way(self, seen: Traffic, rows: Ints) -> tuple[Ints, Ints]:
         """(p,) robots at their lines, and (p,) the others for which they wait."""
-        ahead = [self._crossings.next(robot) for robot in rows.tolist()]
+        ahead = [self._crossings.ahead[robot][0] for robot in rows.tolist()]
         middle = self._places[[passage.node for passage in ahead]].T
         out = seen.tracks.poses(rows, np.array([passage.leave_m for passage in ahead]) + EXIT_M)[:2]
         here = centres(seen, np.arange(len(seen.floor)), seen.progress_m)
