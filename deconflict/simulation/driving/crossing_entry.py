@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from deconflict.simulation.driving.crossings import Crossings
-from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Traffic, centres
+from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Traffic, centres
 from deconflict.simulation.floor_layout import Place
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 BOX_M = 1.9
 """Half side of the square that counts as the crossing."""

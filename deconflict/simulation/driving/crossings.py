@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deconflict.simulation.driving.protection import NOBODY
 from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.floor_layout import Layout, Place
 from ingest.batch import Floats, Ints
@@ -16,7 +17,6 @@ BEFORE_M, AFTER_M = 2.6, 2.2
 """Distances from the middle of a crossing at which it is entered and left."""
 ASK_M = 2.5
 """A robot requests a crossing at this distance before it."""
-NOBODY = -1
 ALL = 0
 """Stands for all fleets where their robots keep one order."""
 

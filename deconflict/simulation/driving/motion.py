@@ -19,12 +19,12 @@ from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.instructions import Instructions
 from deconflict.simulation.driving.mutual_waits import PATIENCE_S, MutualWaits
 from deconflict.simulation.driving.passing import HALF_AISLE_M, WALKING_MPS, Passings
-from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
+from deconflict.simulation.driving.protection import Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import BodySize, Chassis
 from deconflict_client.verbs import Side
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 ARRIVED_M = 0.03
 BACKING_MPS = 0.35

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deconflict.simulation.driving.protection import NOBODY, Bools
-from ingest.batch import Floats, Ints
+from deconflict.simulation.driving.protection import NOBODY
+from ingest.batch import Bools, Floats, Ints
 
 PATIENCE_S = (4.0, 10.0)
 """Usual range of the time that a robot stands for another before it acts."""

@@ -18,9 +18,9 @@ from ingest.batch import Floats, Ints, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.summaries import letters, mean, means, median, medians, spread, tenths
 from metrics.scoring.warnings.calibration_scores import CalibrationTally, Vendors
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S
 from metrics.truth.encounters import RecordedEncounter
 
-HORIZON_S = 10.0
 STANDING_S = 2.0
 """An encounter is recalled if an alert was open at a whole second within this time before its start."""
 
