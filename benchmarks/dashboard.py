@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deconflict.roles.service import run_in_one_process
-from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
+from deconflict.simulation.vendors.senders import RobotFloor, simulate, warehouse
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
 from metrics.monitoring.panels import COLUMNS, as_json
@@ -33,7 +33,7 @@ async def measured(panels: list[dict[str, Any]], seconds: float) -> dict[int, Se
     with TemporaryDirectory() as name:
         async with run_in_one_process(on_free_ports(), Path(name) / "data", render) as (receiver, operator):
             url = f"ws://127.0.0.1:{receiver.receiver.port}"
-            talking = asyncio.create_task(simulate(url, SimulatedFloor(ROBOTS, 1), None, stop=asyncio.Event()))
+            talking = asyncio.create_task(simulate(url, RobotFloor(*warehouse(ROBOTS, 1)), None, stop=asyncio.Event()))
             async with prometheus(Path(name), f"127.0.0.1:{operator.port}") as client:
                 await asyncio.sleep(seconds)
                 found = {panel["id"]: await series(client, panel, seconds) for panel in panels}

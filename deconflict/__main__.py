@@ -31,7 +31,7 @@ from ingest.languages.visible_text import visible, visible_lines
 from ingest.plain_files import UnfitFileError
 from ingest.security.certificates import CertificateError
 from ingest.security.tokens import SecretError
-from metrics.commands import add_log_commands, files_of
+from metrics.commands import add_log_commands, add_logs, files_of
 from metrics.monitoring import dashboards
 from metrics.monitoring.exposition import render
 from metrics.replay_files import LogError
@@ -116,10 +116,7 @@ def _add_site(commands: Commands) -> None:
         "print resources at places where robots often stand, from recorded logs",
         "deconflict site suggest data/log --site SITE.toml",
     )
-    suggest_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    suggest_parser.add_argument(
-        "--site", type=Path, metavar="SITE.toml", help="the site file of the log, with the resources known already"
-    )
+    add_logs(suggest_parser, "+", "the site file of the log, with the resources known already")
     suggest_parser.set_defaults(run=_site_suggest)
 
 
@@ -130,10 +127,7 @@ def _add_site_align(site_parsers: Commands) -> None:
         "print vendors' maps found from what their robots and others drive in the same aisles, from recorded logs",
         "deconflict site align data/log --site SITE.toml",
     )
-    align_parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="a file, or a directory of logs")
-    align_parser.add_argument(
-        "--site", type=Path, required=True, metavar="SITE.toml", help="the site file, with the datums of the floors"
-    )
+    add_logs(align_parser, "+", "the site file, with the datums of the floors", needs_site=True)
     align_parser.set_defaults(run=_site_align)
 
 

@@ -45,7 +45,7 @@ def add_log_commands(commands: Commands) -> None:
     """Add the commands to the command line."""
     _add_replay(commands)
     whatif_command = add_whatif(commands)
-    _add_logs(whatif_command, "+")
+    add_logs(whatif_command, "+")
     whatif_command.set_defaults(run=_whatif, changes=[])
     conform_command = add_command(
         commands,
@@ -54,7 +54,7 @@ def add_log_commands(commands: Commands) -> None:
         "deconflict conform data/log --site SITE.toml",
         "deconflict conform data/log --site SITE.toml --html build",
     )
-    _add_logs(conform_command, "+")
+    add_logs(conform_command, "+")
     _add_settings(conform_command)
     conform_command.add_argument("--json", type=Path, metavar="OUT.json", help="also write the counts to this file")
     conform_command.add_argument(
@@ -77,7 +77,7 @@ def _add_replay(commands: Commands) -> None:
         "deconflict replay --compare scores.json wider.json",
         "deconflict replay monday tuesday --each --variant now --variant wide clearance=0.5 --json scores.json",
     )
-    _add_logs(replay_command, "*")
+    add_logs(replay_command, "*")
     _add_settings(replay_command)
     replay_command.add_argument(
         "--clearance",
@@ -106,14 +106,16 @@ def _add_replay(commands: Commands) -> None:
     replay_command.set_defaults(run=_replay)
 
 
-def _add_logs(command: argparse.ArgumentParser, count: str) -> None:
+def add_logs(
+    command: argparse.ArgumentParser,
+    count: str,
+    site: str = "the site file with which the log was recorded",
+    *,
+    needs_site: bool = False,
+) -> None:
+    """Add the arguments for recorded logs and a site file. `site` says which one."""
     command.add_argument("logs", nargs=count, type=Path, metavar="LOG", help="a file, or a directory of logs")
-    command.add_argument(
-        "--site",
-        type=Path,
-        metavar="SITE.toml",
-        help="the site file with which the log was recorded",
-    )
+    command.add_argument("--site", type=Path, required=needs_site, metavar="SITE.toml", help=site)
 
 
 def _add_settings(command: argparse.ArgumentParser) -> None:

@@ -55,7 +55,7 @@ class Stops:
         """Add what happened in the last `dt_s`."""
         world = self._world
         for robot in range(len(world)):
-            other = int(world.yields_to[robot])
+            other = int(world.braking.yields_to[robot])
             ordered = other == NOBODY and world.waits.blocker[robot] != NOBODY
             if ordered:
                 other = int(world.waits.blocker[robot])

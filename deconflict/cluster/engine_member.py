@@ -18,7 +18,7 @@ from uuid import uuid4
 
 from deconflict.advice.advice_thread import AdviceThread
 from deconflict.cluster.ingest_feed import RETRY_S
-from deconflict.cluster.judging.global_engine import GlobalEngine
+from deconflict.cluster.judging.global_engine import GlobalEngine, revisions_of
 from deconflict.cluster.judging.heard_canaries import HeardCanaries
 from deconflict.cluster.judging.loss_writer import LossWriter
 from deconflict.cluster.judging.outbox import Outbox
@@ -279,7 +279,7 @@ class EngineMember:
             if not has_other_tiles:
                 adapt_effort(self._load, self.measures, took_s)
             self._adviser.count(self.measures)
-            published = [record.advisory for record in records if record.advisory]
+            published = revisions_of(records)
             shard.engine.foresight.note_advice(now_s, waits_until_s(advisories_of(published)))
             self._losses.note(now_s, published)
             losses = self._losses.own(shard.engine.losses, shard.area)

@@ -3,8 +3,8 @@
 import asyncio
 import json
 import time
-from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from math import inf
 from typing import Any
 
@@ -30,6 +30,15 @@ PAST_WITHIN_S = 15.0
 TICK_S = 0.2
 IDLE_S = 10.0
 """The subscription to the robots ends if nobody has followed the floor for this long."""
+
+
+@contextmanager
+def _server_needed() -> Iterator[None]:
+    """Raises `LinkDownError` while no server answers."""
+    try:
+        yield
+    except BUS_ERRORS as error:
+        raise LinkDownError("NATS server") from error
 
 
 class IngestCalls:
@@ -84,10 +93,8 @@ class IngestCalls:
         return [json.loads(answer) for answer in await self._answers(question, within_s)]
 
     async def _answers(self, question: str, within_s: float) -> list[bytes]:
-        try:
+        with _server_needed():
             answers = await self._bus.requests.ask(question, within_s)
-        except BUS_ERRORS as error:
-            raise LinkDownError("NATS server") from error
         if not answers:
             raise LinkDownError("ingest")
         return answers
@@ -115,10 +122,8 @@ class IngestCalls:
         """Let a robot belong to a vendor at every ingest, also at one that is down now. The owner before."""
         uuid, vendor = json.loads(payload)
         owners = {document["uuid"]: document["vendor"] for document in json.loads(await self._robots(b""))}
-        try:
+        with _server_needed():
             await self._bus.state.give(uuid, vendor)
-        except BUS_ERRORS as error:
-            raise LinkDownError("NATS server") from error
         return json.dumps({"before": owners.get(uuid), "problem": ""}).encode()
 
     async def _off_floor(self, _: bytes) -> bytes:
@@ -130,10 +135,8 @@ class IngestCalls:
     async def _mark_off_floor(self, payload: bytes) -> bytes:
         """Let a robot be off the floor at every ingest, also at one that is down now, or on it. What holds now."""
         mark = msgspec.structs.replace(msgspec.json.decode(payload, type=OffFloorMark), at_s=time.time())
-        try:
+        with _server_needed():
             held = await self._bus.state.mark_off_floor(mark)
-        except BUS_ERRORS as error:
-            raise LinkDownError("NATS server") from error
         return msgspec.json.encode(held if held.is_off else None)
 
     async def _follow(self, payload: bytes) -> bytes:
@@ -150,10 +153,8 @@ class IngestCalls:
         """Subscribe to the robots, if not yet. Raises `LinkDownError`."""
         async with self._subscribing:
             if self._leave is None:
-                try:
+                with _server_needed():
                     self._leave = await self._bus.follow_channel(EVERY, self._add_parcel)
-                except BUS_ERRORS as error:
-                    raise LinkDownError("NATS server") from error
 
     def _add_parcel(self, data: bytes) -> None:
         self._waiting.append(Batch.from_bytes(data))

@@ -16,7 +16,7 @@ from deconflict.cluster.nats.shared_state import FEED
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import CANARIES, ChannelSorter, parcels_of, reach_m
 from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed, unpacked
-from deconflict.operator.live.history import BusyError, History
+from deconflict.operator.live.history import BusyError, History, batch_at
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.cluster_settings import Cluster
@@ -116,7 +116,7 @@ class IngestFeed:
             return json.dumps(await asyncio.to_thread(self._history.recorded) or [None, None]).encode()
         if name == PAST:
             with suppress(BusyError):
-                return await self._history.batch_at(float(at_s))
+                return await self._history.read(batch_at, float(at_s))
         if question not in QUESTIONS:
             return b""
         try:

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from deconflict.settings.cluster_settings import Cluster
@@ -18,7 +18,8 @@ SILENT_FOLLOWER = "the follower of this face does not answer"
 def members_document(settings: Cluster, there: Iterable[str], gone: Sequence["NotedMember"]) -> dict[str, Any]:
     """The part `members` of the health. `there` are the parts of all members that are there."""
     found = Counter(there)
-    expected = {part: named or found[part] + _count(part, gone) for part, named in settings.expected().items()}
+    away = Counter(each.part for each in gone)
+    expected = {part: named or found[part] + away[part] for part, named in settings.expected().items()}
     lacking = {part: number - found[part] for part, number in expected.items() if number > found[part]}
     named = {part: [each for each in gone if each.part == part][:number] for part, number in lacking.items()}
     reasons = [f"{part}s there: {found[part]} of {expected[part]} ({_known(each)})" for part, each in named.items()]
@@ -36,16 +37,11 @@ def unknown_members(why: str) -> dict[str, Any]:
     return {"status": "unknown", "reason": f"{why}, so it is unknown which members of the cluster are there"}
 
 
-def _count(part: str, gone: Sequence["NotedMember"]) -> int:
-    return sum(each.part == part for each in gone)
-
-
 def _known(gone: Sequence["NotedMember"]) -> str:
     """What is known of the members of a part that are missing."""
-    return ", ".join(_last_heard(gone)) or "no other was heard of in the last day that has not said goodbye"
-
-
-def _last_heard(gone: Sequence["NotedMember"]) -> Iterator[str]:
-    for member in gone:
-        at = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(member.heard_s))
-        yield f"{member.host}, process {member.process}, was last heard of at {at} UTC"
+    heard = [
+        f"{member.host}, process {member.process}, was last heard of at "
+        f"{time.strftime('%Y-%m-%d %H:%M:%S', time.gmtime(member.heard_s))} UTC"
+        for member in gone
+    ]
+    return ", ".join(heard) or "no other was heard of in the last day that has not said goodbye"

@@ -18,7 +18,7 @@ from deconflict.engine.load_shedding import Effort, LoadShedder, adapt_effort
 from deconflict.engine.message_latency import LEARNED_EVERY_S, arrivals_s
 from deconflict.operator.ledger.loss_ledger import ledger_entries, refusal_entries
 from deconflict.roles.engine_link.delivery import RETRY_S, Delivery
-from deconflict.roles.engine_link.restoration import StoredState, stored_state
+from deconflict.roles.engine_link.restoration import stored_state
 from deconflict.runtime.heartbeat import LONG_SILENCE_LIMIT_S, SILENCE_LIMIT_S
 from deconflict.runtime.learned_state import Part, UnreadableError, unpacked
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -135,7 +135,8 @@ class EngineRole:
         while not stop.is_set():
             try:
                 stored = stored_state(operator, self._delivery.set_asides)
-                engine = self._engine(stored, self._learned(operator))
+                known = stored.open, stored.encounters, self._adviser.submit, stored.burdens_s, self._learned(operator)
+                engine = Engine(self._site, *known)
                 if engine.set_aside:
                     operator.call("unlearn_parts", json.dumps(engine.set_aside).encode())
                 return engine
@@ -156,17 +157,6 @@ class EngineRole:
         except UnreadableError as error:
             operator.call("unlearn", str(error).encode())
             return None
-
-    def _engine(self, stored: StoredState, learned: dict[str, Part] | None) -> Engine:
-        """An engine with the stored advisories and the learned state."""
-        return Engine(
-            self._site,
-            stored.open,
-            stored.encounters,
-            self._adviser.submit,
-            stored.burdens_s,
-            learned,
-        )
 
     def _run_pass(
         self, engine: Engine, batch: Batch, pending: int, arrived_s: dict[str, Floats], *, timed: bool

@@ -5,6 +5,7 @@ import json
 import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -22,18 +23,16 @@ from deconflict.operator.store.tables import UnreadableAdvisoryError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.engine_link.restoration import page_of_encounters, page_of_open
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.roles.role_files import ALONE_FILE, stands_alone
+from deconflict.roles.role_files import ALONE_FILE
 from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from deconflict_client.advisory import ADVICE, Acknowledgement
-from deconflict_client.situations import REVISION, AnyRevision
+from deconflict_client.situations import AnyRevision
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
 MOST_ANSWERS = 200
 """Most revisions of advice that are read for answers at once."""
-SHOWN_LETTERS = 200
-"""Characters of an invalid revision that the log shows."""
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +54,6 @@ class OperatorCalls:
         situations: LiveSituations,
     ) -> None:
         """`face_measures` are those of the HTTP application."""
-        self._is_alone = stands_alone(runtime)
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
         self._ledger, self._situations = ledger, situations
@@ -82,8 +80,8 @@ class OperatorCalls:
             "last_losses": self._last_losses,
             "add_losses": self._add_stream_losses,
             "begin_anew": self._begin_anew,
-            "stand_alone": self._stand_alone,
-            "follow_stream": self._follow_stream,
+            "stand_alone": partial(self._stand, alone=True),
+            "follow_stream": partial(self._stand, alone=False),
             "measures": self._measures,
             "health": self._health,
             "notice": self._notice,
@@ -150,7 +148,8 @@ class OperatorCalls:
         if "queued_s" in head:
             self._engine.delivery.arrived(head["queued_s"])
         passes_s = head.get("passes_s", ())
-        if (lines or passes_s) and not await self._is_published(map(self._revision, lines), self._situations.publish):
+        revisions = map(self._publisher.set_asides.revision_of, lines)
+        if (lines or passes_s) and not await self._is_published(revisions, self._situations.publish):
             return REFUSED
         if head.get("canary"):
             self._engine.canary.arrived(head["canary"])
@@ -190,7 +189,7 @@ class OperatorCalls:
 
     async def _store_lines(self, payload: bytes) -> bytes:
         """Store lines of the stream, in its order and under its numbers."""
-        if self._is_alone:
+        if self._sources.is_alone:
             return REFUSED
         parcel = json.loads(payload)
         self._engine.delivery.arrived(parcel["queued_s"])
@@ -200,7 +199,8 @@ class OperatorCalls:
                     await self._store_answer(line)
                 continue
             documents = (line["advisory"] | {"seq": line["seq"]} for line in lines)
-            if not await self._is_published(map(self._revision, documents), self._publisher.publish):
+            revisions = map(self._publisher.set_asides.revision_of, documents)
+            if not await self._is_published(revisions, self._publisher.publish):
                 return REFUSED
         return self._taken()
 
@@ -216,17 +216,6 @@ class OperatorCalls:
             await self._publisher.store_answer(line["id"], answer, line["seq"])
         except (ValueError, UnreadableAdvisoryError) as error:
             self._publisher.set_asides.add("invalid", f"an answer to {line['id']}", error)
-
-    def _revision(self, document: bytes | dict[str, Any]) -> AnyRevision | None:
-        """The revision of a document, or of a line of JSON. None if it is not valid; then it is set aside."""
-        try:
-            if isinstance(document, bytes):
-                return REVISION.validate_json(document)
-            return REVISION.validate_python(document)
-        except ValueError as error:
-            text = document.decode(errors="replace") if isinstance(document, bytes) else str(document)
-            self._publisher.set_asides.add("invalid", text[:SHOWN_LETTERS], error)
-            return None
 
     async def _is_published(
         self, revisions: Iterable[AnyRevision | None], publish: Callable[[list[AnyRevision]], Awaitable[object]]
@@ -246,19 +235,16 @@ class OperatorCalls:
         self.other_numbers.set()
         return b"set aside"
 
-    async def _stand_alone(self, _: bytes) -> bytes:
-        """Take decisions from the engine of this machine, since no NATS server is connected; from the next start on if
-        this face follows the stream."""
-        if self._is_alone:
+    async def _stand(self, _: bytes, *, alone: bool) -> bytes:
+        """Take decisions from the engine of this machine, since no NATS server is connected, or from the stream; from
+        the next start on if this face does not yet."""
+        if alone == self._sources.is_alone:
             return STORED
-        (self._runtime / ALONE_FILE).touch()
-        self.other_numbers.set()
-        return REFUSED
-
-    async def _follow_stream(self, _: bytes) -> bytes:
-        if not self._is_alone:
-            return STORED
-        (self._runtime / ALONE_FILE).unlink(missing_ok=True)
+        mark = self._runtime / ALONE_FILE
+        if alone:
+            mark.touch()
+        else:
+            mark.unlink(missing_ok=True)
         self.other_numbers.set()
         return REFUSED
 

@@ -86,7 +86,8 @@ class OperatorRole:
             self._store.close()
             self._ledger.close()
         if self._calls.is_another_stream:
-            log.error("the stored advisories are kept as %s", self._store.set_aside(datetime.now(UTC)).name)
+            aside = self._store.connections.set_aside(datetime.now(UTC))
+            log.error("the stored advisories are kept as %s", aside.name)
 
     async def _serve(self, listener: socket.socket, stop: asyncio.Event) -> None:
         serving, other_numbers = self._face.serve(listener), self._calls.other_numbers
@@ -162,7 +163,8 @@ class OperatorRole:
             return False
         self._publisher.measures.count(PRUNED, reason, by=removed)
         self._publisher.measures.level("deconflict_store_bytes", {(): used_bytes})
-        self._publisher.measures.level("deconflict_store_renewed", {(): float(self._store.renewal is not None)})
+        is_renewed = self._store.connections.renewal is not None
+        self._publisher.measures.level("deconflict_store_renewed", {(): float(is_renewed)})
         if removed:
             log.info("%s advisories %s are removed", removed, text)
         return True
@@ -187,6 +189,6 @@ class OperatorRole:
                     self._outlets.renew(site.webhooks, site.mqtt)
                 except SecretError as error:
                     log.error("the old webhooks and mqtt stay in use: %s", error)
-                self._ledger.settings = site.losses
+                self._ledger.renew(site.losses)
                 self._site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)

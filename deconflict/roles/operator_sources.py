@@ -19,7 +19,7 @@ from deconflict.operator.http.api_sources import SourceUnavailableError
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.ledger.optional_ledger import OptionalLedger
-from deconflict.operator.live.history import BusyError, History
+from deconflict.operator.live.history import BusyError, History, floor_at
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.operator.store.store import StoreError
 from deconflict.operator.vendor_health import vendor_health
@@ -61,10 +61,6 @@ ALONE = (
 RELOAD_TIMEOUT_S = 10.0
 
 
-def _no_silent_robots() -> dict[str, Any]:
-    return {"fading": {}, "taken_off": {}, "exits": [], "distrusted": []}
-
-
 @dataclass(slots=True, eq=False)
 class EngineReport:
     """The last report of the engine."""
@@ -73,7 +69,9 @@ class EngineReport:
     received_s: float = float("-inf")
     """When it came, monotonic time."""
     measures: list[dict[str, Any]] = field(default_factory=list)
-    presence: dict[str, Any] = field(default_factory=_no_silent_robots)
+    presence: dict[str, Any] = field(
+        default_factory=lambda: {"fading": {}, "taken_off": {}, "exits": [], "distrusted": []}
+    )
     """`Presence.document`: which silent robots are still there."""
     delivery: DeliveryHealth = field(default_factory=DeliveryHealth)
 
@@ -87,8 +85,9 @@ class OperatorSources:
         self._ledger = ledger
         self._archive = Archive(data / FOLDER)
         self.history = History(site, data / "log")
-        self._is_alone = stands_alone(runtime)
-        self.notice = ALONE if self._is_alone else ""
+        self.is_alone = stands_alone(runtime)
+        """Whether it takes decisions from the engine of this machine alone."""
+        self.notice = ALONE if self.is_alone else ""
         """A sentence for people that the page shows."""
         self._recording = RecordingHealth()
         self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
@@ -134,7 +133,7 @@ class OperatorSources:
         own.level(EXPIRES, {(key,): end_s for key, end_s in ends.items()})
         for name, key in MEMBERS.items():
             own.level(name, {(part,): float(count) for part, count in members.get(key, {}).items()})
-        if not self._is_alone:
+        if not self.is_alone:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
         for role, count in restarts(self._runtime).items():
             own.count("deconflict_role_restarts_total", role, by=count)
@@ -166,7 +165,7 @@ class OperatorSources:
             "clock": self.clock.document(),
             "off_floor": off_floor_document(off_floor),
         }
-        if self._is_alone:
+        if self.is_alone:
             parts["cluster"] = {"status": "degraded", "reason": ALONE}
         else:
             parts["canary"] = self._engine.canary.document(time.monotonic())
@@ -270,7 +269,7 @@ class OperatorSources:
             with suppress(LinkDownError):
                 return (await self._receiver.call("past", str(at_s).encode(), PAST_TIMEOUT_S)).decode()
         try:
-            return await self.history.floor_at(at_s)
+            return await self.history.read(floor_at, at_s)
         except BusyError as error:
             raise SourceUnavailableError("recording") from error
 
@@ -288,7 +287,7 @@ class OperatorSources:
         """Which roles are up; in a cluster, whether one of each is. `receiver` is whether the receiver answers."""
         engine = time.monotonic() - self._engine.received_s < ENGINE_STALE_S
         before = await self._cluster_up() if self._is_cluster else {"receiver": receiver}
-        before |= {"nats": False} if self._is_alone else {}
+        before |= {"nats": False} if self.is_alone else {}
         return before | {"engine": engine and self._reported_engine_runs(), "operator": True}
 
     async def _cluster_up(self) -> dict[str, bool]:

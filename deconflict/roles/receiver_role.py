@@ -187,7 +187,7 @@ class ReceiverRole:
         self.receiver.use_limits(site.receiver)
         self.recorder.reconfigure(site.recorder)
         before, self.site = self.site, site
-        self._ticks.use(site.engine.tick_s)
+        self._ticks.shortest_s = site.engine.tick_s
         if (before.datums, before.vendors, before.reading) != (site.datums, site.vendors, site.reading):
             self.fleet.reconfigure(VendorRegistry(site.vendors), FrameRegistry(site.datums, site.vendors), site.reading)
         self._dial()

@@ -2,11 +2,14 @@
 
 import logging
 import time
-from typing import Literal
+from typing import Any, Literal
 
+from deconflict_client.situations import REVISION, AnyRevision
 from ingest.measures.measures import Measures
 
 SET_ASIDE = "deconflict_advisories_set_aside_total"
+SHOWN_LETTERS = 200
+"""Characters of an invalid revision that the log shows."""
 Reason = Literal["invalid", "unwritable"]
 REMEDIES: dict[Reason, str] = {
     "invalid": "it is not a valid advisory; start all processes from one release, or report this as a fault",
@@ -25,6 +28,17 @@ class SetAsides:
         """When the newest was set aside, monotonic time."""
         for reason in REMEDIES:
             measures.count(SET_ASIDE, reason, by=0)
+
+    def revision_of(self, document: bytes | dict[str, Any]) -> AnyRevision | None:
+        """The revision of a document, or of a line of JSON. None if it is not valid; then it is set aside."""
+        try:
+            if isinstance(document, bytes):
+                return REVISION.validate_json(document)
+            return REVISION.validate_python(document)
+        except ValueError as error:
+            text = document.decode(errors="replace") if isinstance(document, bytes) else str(document)
+            self.add("invalid", text[:SHOWN_LETTERS], error)
+            return None
 
     def add(self, reason: Reason, what: str, error: Exception) -> None:
         """Set aside `what`, a name or the beginning of a document."""

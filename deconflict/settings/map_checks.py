@@ -1,6 +1,6 @@
 """Checks whether the reference points of datums, and vendors' readings of them, fit each other."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations
 
 import numpy as np
@@ -10,7 +10,7 @@ from ingest.frames.fitting import Fit, FitError, Method
 from ingest.frames.frame_registry import fit_map
 from ingest.frames.projection import Projection
 from ingest.frames.transforms import Adjusted
-from ingest.settings import Datum, VendorMap
+from ingest.settings import Datum, ReferencePoint, VendorMap
 
 MAX_DISTORTION = 0.02
 """Largest difference of scale between two directions. From three points, a larger one counts as a wrong reading."""
@@ -125,10 +125,11 @@ def likely_cause(vendor_map: VendorMap, datum: Datum) -> tuple[str, str] | None:
     exchanges: of four points in a rectangle, two explain the same readings.
     """
     ids, names = tuple(vendor_map.readings), tuple(_names(vendor_map, datum))
-    if not {point.id for point in datum.reference_points}.issuperset(ids):
+    marks = {point.id: point for point in datum.reference_points}
+    if not marks.keys() >= set(ids):
         return None
     readings = np.array(list(vendor_map.readings.values()))
-    reference = _reference(datum, ids)
+    reference = places_m(datum, (marks[mark] for mark in ids))
     units = _units(readings, reference, datum)
     found = [
         cause
@@ -203,8 +204,7 @@ def _misfit_m(readings: Floats, reference: Floats, mirrored: bool) -> float:
     return float(np.abs(wanted - turn * sent).max())
 
 
-def _reference(datum: Datum, names: tuple[str, ...]) -> Floats:
-    """(points, 2) the named points of a datum, metres."""
-    places = {point.id: (point.x, point.y) for point in datum.reference_points}
-    points = np.array([places[name] for name in names])
+def places_m(datum: Datum, marks: Iterable[ReferencePoint]) -> Floats:
+    """(marks, 2) where points of a datum are, metres."""
+    points = np.array([(mark.x, mark.y) for mark in marks])
     return points if datum.coordinates == "metres" else Projection(datum).points(points)

@@ -66,6 +66,12 @@ def outlet_problems(webhooks: Iterable[Webhook], mqtt: Mqtt | None) -> Iterator[
     if mqtt and mqtt.ca and not mqtt.tls:
         yield "mqtt.ca: is used over TLS alone; set tls = true"
     waits = [(f"webhooks[{row}]", webhook.retry_s) for row, webhook in enumerate(hooks)]
-    for key, (first_s, longest_s) in [*waits, *([("mqtt", mqtt.retry_s)] if mqtt else [])]:
-        if first_s > longest_s:
-            yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"
+    for key, retry_s in [*waits, *([("mqtt", mqtt.retry_s)] if mqtt else [])]:
+        yield from retry_problems(key, retry_s)
+
+
+def retry_problems(key: str, retry_s: Backoff) -> Iterator[str]:
+    """A sentence if the first wait is longer than the longest."""
+    first_s, longest_s = retry_s
+    if first_s > longest_s:
+        yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"

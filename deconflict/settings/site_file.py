@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from deconflict.settings.cluster_settings import cluster_contradictions
 from deconflict.settings.floor_plan import plan_problems
 from deconflict.settings.map_checks import datum_problems, map_problems
-from deconflict.settings.outlet_settings import outlet_problems
+from deconflict.settings.outlet_settings import outlet_problems, retry_problems
 from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
 from deconflict_client.counted_nouns import count_of
@@ -314,11 +314,10 @@ def _ignored_by_cluster(site: Site) -> Iterator[str]:
 def _source_contradictions(site: Site) -> Iterator[str]:
     names = Counter(source.name for source in site.mqtt_sources)
     for row, source in enumerate(site.mqtt_sources):
-        key, (first_s, longest_s) = f"mqtt_sources[{row}]", source.retry_s
+        key = f"mqtt_sources[{row}]"
         if names[source.name] > 1:
             yield f"{key}.name: {source.name!r} is taken; give each source a name of its own"
-        if first_s > longest_s:
-            yield f"{key}.retry_s: found {[first_s, longest_s]}; expected the first wait not above the longest"
+        yield from retry_problems(key, source.retry_s)
         if source.manufacturers and source.language == "iso21423":
             yield f"{key}.manufacturers: topics of iso21423 name none; remove the key"
         if source.ca and not source.tls:

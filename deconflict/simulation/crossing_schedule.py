@@ -40,7 +40,7 @@ class CrossingSchedule:
         every = [
             (row, passage)
             for row, end_m in zip(rows.tolist(), until_m[rows].tolist(), strict=True)
-            for passage in world.crossings.ahead(row)
+            for passage in world.crossings.ahead[row]
             if passage.enter_m < end_m
         ]
         if not every:
@@ -74,5 +74,5 @@ class CrossingSchedule:
     def _goes_first(self, due: CrossingArrival, other: CrossingArrival) -> bool:
         if due.robot == other.robot or not due.passage.meets(other.passage):
             return False
-        first = self._world.crossings.ahead(due.robot)[0] is due.passage
+        first = self._world.crossings.ahead[due.robot][0] is due.passage
         return (first and self._world.crossings.is_inside(due.robot)) or due.enter_s < other.enter_s

@@ -14,7 +14,6 @@ from ingest.batch import Ints
 WAITING_AFTER_S = 3.0
 """A robot reports that it waits if others have blocked it for this long."""
 BATTERY_LOW = 20.0
-FULL_RUN_H = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,10 +39,6 @@ class RobotState:
     load_pct: float = 0.0
     """Share of its capacity in use."""
     errors: tuple[str, ...] = ()
-
-    @property
-    def run_time_h(self) -> float:
-        return FULL_RUN_H * self.battery_pct / 100
 
 
 def robot_states(world: World, rows: Ints) -> list[RobotState]:
@@ -96,7 +91,7 @@ def _state(world: World, row: int) -> str:
     if doing == Activity.HALTED:
         return "idle" if world.person[row] else "waitingHumanEvent"
     is_instructed = world.instructions.waits(row, world.t_s)
-    waits = is_instructed or doing == Activity.HOLDING or world.waited_s[row] > WAITING_AFTER_S
+    waits = is_instructed or doing == Activity.HOLDING or world.waits.waited_s[row] > WAITING_AFTER_S
     if waits and world.members[row].make.tells_waiting:
         return "waitingExternalEvent"
     return "navigating"

@@ -178,13 +178,13 @@ def _drill(exposition: Exposition, args: argparse.Namespace) -> int:
 
 def _simulate(args: argparse.Namespace) -> int:
     from deconflict.simulation.vendors.broker_sender import BrokerSender  # noqa: PLC0415 - loads the simulated world
-    from deconflict.simulation.vendors.senders import SimulatedFloor, simulate  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.vendors.senders import RobotFloor, simulate, warehouse  # noqa: PLC0415 - loads the simulated world
 
     async def run() -> dict[str, int]:
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
-        floor = SimulatedFloor(args.robots, args.seed)
+        floor = RobotFloor(*warehouse(args.robots, args.seed))
         host, port = args.broker or ("", 0)
         on_broker = partial(BrokerSender, host=host, port=port) if args.broker else None
         return await simulate(args.url, floor, args.seconds, on_broker=on_broker, stop=stop)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from metrics.monitoring.promql import increase, increase_before, level, rate, share_within, time_share
+from metrics.monitoring.queries import VENDOR
 from metrics.monitoring.warning_queries import judged, share_in_vain
 
 OBJECTIVE_S = 0.25
@@ -14,8 +15,6 @@ CANARY_LATE_S = 10
 MOST_SITUATIONS = 8
 """More open situations at once nobody can follow."""
 RUNBOOK = "docs/runbook.md"
-
-VENDOR = ["vendor"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from deconflict_client.situations import Situation
 from ingest.batch import Floats, Pair
 from metrics.scoring.bootstrap import interval
 from metrics.scoring.contention_scores import AlertOutcome
-from metrics.scoring.summaries import mean, means, median, spread
+from metrics.scoring.summaries import letters, mean, means, median, spread
 from metrics.truth.advised_waits import AdvisedWaits
 from metrics.truth.pair_outcomes import NOTHING, OutcomeSpan, PairOutcomes, Verdict
 from metrics.truth.resource_use import TimeSpan
@@ -159,8 +159,8 @@ class SituationScores:
                 for kind, count in sorted(kinds.items())
             ],
             "cases": {
-                "came_true": _letters(_shares(judged)["came_true"]),
-                "covered": _letters(foreseen[:, 0]),
+                "came_true": letters(_shares(judged)["came_true"]),
+                "covered": letters(foreseen[:, 0]),
             },
         }
 
@@ -274,10 +274,6 @@ def _shares(judged: Sequence[JudgedSituation]) -> dict[str, Floats]:
         name: np.array([nan if verdict in left_out else float(verdict in counted) for verdict in verdicts], np.float64)
         for name, (counted, left_out) in of_share.items()
     }
-
-
-def _letters(values: Floats) -> str:
-    return "".join("-" if np.isnan(value) else "ny"[int(value)] for value in values)
 
 
 def _per(count: int, whole: float) -> float | None:

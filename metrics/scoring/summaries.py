@@ -73,6 +73,16 @@ def spread(values: Floats) -> dict[str, float] | None:
     return {"median": float(middle), "p10": float(p10), "p90": float(p90)}
 
 
+def letters(values: Floats) -> str:
+    """For each of some values n for 0, y for 1, - for nan."""
+    return "".join("-" if isnan(value) else "ny"[int(value)] for value in values)
+
+
+def tenths(values: Floats) -> str:
+    """Values with one decimal, - for nan."""
+    return " ".join("-" if isnan(value) else f"{value:.1f}" for value in values)
+
+
 def _shares(parts: Floats, wholes: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         shares: Floats = np.where(wholes == 0, np.nan, parts / wholes)

@@ -16,27 +16,56 @@ from typing import Any
 
 from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
+from deconflict.advisories.situations.situation_publisher import SituationPublisher
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.pass_watch import PassWatch
-from deconflict.cluster.judging.stream_situations import StreamSituations
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY
+from deconflict.engine.place_names import PlaceNames
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.site import Site
-from deconflict_client.advisory import ConflictAdvisory
-from deconflict_client.situations import AnyRevision, advisories_of
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
+from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.batch import Batch
+from ingest.measures.measures import Measures
 
 log = logging.getLogger(__name__)
 
 PASS_EVERY_S = 0.25
 LEARNED_NAME = "commons"
 """Name under which the bus keeps the learned state of the judge."""
+
+
+class StreamSituations:
+    """The situations of a cluster. Pure: takes in what the stream has, gives revisions of situations."""
+
+    def __init__(self, site: Site, newest: Sequence[AnyRevision]) -> None:
+        """Continues from what is open in the stream."""
+        situations = situations_of(newest)
+        self._publisher = SituationPublisher(PlaceNames.of(site).describe)
+        self._publisher.restore(newest)
+        self._decided = {situation.id: situation.revision for situation in situations}
+        """The last revision that was decided here, by id of each situation until the stream has it as cleared."""
+
+    def is_overtaken(self, written: Sequence[AnyRevision], overruled: Sequence[AnyRevision]) -> bool:
+        """Whether another engine wrote revisions of situations: instead of these, or among those in the stream."""
+        decided = self._decided
+        others = (each for each in situations_of(written) if each.revision > decided.get(each.id, 0))
+        return any(situations_of(overruled)) or any(others)
+
+    def revise(self, now_s: float, written: Sequence[AnyRevision], measures: Measures) -> list[Situation]:
+        """The revisions that follow from what was written to the stream."""
+        for situation in situations_of(written):
+            if situation.state is AdvisoryState.CLEARED:
+                self._decided.pop(situation.id, None)
+        revisions = self._publisher.revise(now_s, advisories_of(written), measures)
+        self._decided.update((revision.id, revision.revision) for revision in revisions)
+        return revisions
 
 
 class GlobalEngine:

@@ -14,25 +14,28 @@ import logging
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import zstandard
 
 from deconflict.operator.blackbox.archive import Archive, Box
-from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest
+from deconflict.operator.blackbox.blackbox_request import BlackBoxRequest, BoxSpan
 from deconflict.operator.blackbox.hash_chain import HashChain
 from deconflict.operator.blackbox.hindsight import recorded_tracks
 from deconflict.operator.blackbox.near_misses import NearMiss, one_for_each_event, verified_near_miss
-from deconflict.operator.blackbox.published_advisories import PublishedAdvisories, published_in
 from deconflict.operator.blackbox.start_state import FORMAT
+from deconflict.operator.store.pending_writes import PendingWrites, open_at_time
+from deconflict.operator.store.tables import between, open_at, read_only
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory
-from deconflict_client.situations import REVISION
+from deconflict_client.situations import REVISION, advisories_of
 from ingest.fleet.owners.owner_file import kept_marks
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.languages import timestamps
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.plain_files import check_database
 from ingest.recording.compression import DAMAGED
 from ingest.recording.log_reader import (
     UNREADABLE,
@@ -59,6 +62,33 @@ _LastMessages = dict[tuple[str | None, str, bool], tuple[bytes, Event]]
 """By sender."""
 EARLIER_SEGMENTS = 1
 """Number of log segments before the lead that are searched for the last messages of quiet robots."""
+
+
+class PublishedAdvisories(NamedTuple):
+    """The advisories that were open at the start of a black box, and those that were published in its time."""
+
+    open: list[AnyAdvisory]
+    """Those open when the engine of the span starts."""
+    decided: list[AnyAdvisory]
+    """Every revision from then until the end of the span, in order."""
+
+
+def published_in(store: Path, pending: PendingWrites, span: BoxSpan) -> PublishedAdvisories:
+    """The revisions of advisories in the database and in `pending`, each once: pending ones may be stored by now.
+
+    Raises `sqlite3.Error`.
+    """
+    check_database(store)
+    with read_only(store) as db:
+        stored_open = advisories_of(open_at(db, span.engine_s))
+        stored = advisories_of(between(db, span.engine_s, span.until_s))
+    last = stored[-1].seq if stored else 0
+    unstored = [
+        revision
+        for revision in advisories_of(pending)
+        if revision.seq > last and span.engine_s < revision.updated_at.timestamp() <= span.until_s
+    ]
+    return PublishedAdvisories(open_at_time(stored_open, advisories_of(pending), span.engine_s), [*stored, *unstored])
 
 
 def write_blackbox(request: BlackBoxRequest) -> Box | None:

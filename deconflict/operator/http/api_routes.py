@@ -197,7 +197,7 @@ class ApiRoutes:
             stored = {"status": "ok", "seq": self._store.last_seq(), "bytes": self._store.used_bytes()}
             if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
                 stored["pruned_for_size"] = int(pruned)
-            if renewal := self._store.renewal:
+            if renewal := self._store.connections.renewal:
                 stored |= {
                     "set_aside": renewal.file or None,
                     "copied": renewal.salvage.copied,

@@ -14,6 +14,7 @@ from fastapi import FastAPI, HTTPException, Query, Response, WebSocket
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_counts import counted
+from deconflict.operator.http.api_routes import json_response
 from deconflict.operator.http.api_sources import FloorSource
 from deconflict.operator.live.live_socket import LiveSocket
 from deconflict.operator.store.publisher import Publisher
@@ -56,7 +57,7 @@ class PageRoutes:
 
     def site(self) -> Response:
         """The floors with their marks, resources, zones and obstacles, and the settings that the page shows."""
-        return _json(site_document(self._app.state.site))
+        return json_response(site_document(self._app.state.site))
 
     def plan(self, datum: str) -> Response:
         """The image of a floor, from the site file."""
@@ -70,11 +71,11 @@ class PageRoutes:
     async def recorded(self) -> Response:
         """The time span for which `/past` has answers."""
         from_s, to_s = await self._source.recorded() or (None, None)
-        return _json(Recorded(from_s=from_s, to_s=to_s))
+        return json_response(Recorded(from_s=from_s, to_s=to_s))
 
     def presence(self) -> Response:
         """The probability that each silent robot is still there, the robots that are gone, and the usual exits."""
-        return _json(self._source.presence())
+        return json_response(self._source.presence())
 
     async def past(
         self, at_s: Annotated[float, Query(ge=0, allow_inf_nan=False, description="seconds since the epoch")]
@@ -98,7 +99,7 @@ class PageRoutes:
         for place, count in self._store.raised_between(end_s - HEAT_S, end_s).items():
             counts.setdefault(place.datum, Counter())[_cell(place.x), _cell(place.y)] += count
         floors = {datum: [(*cell, count) for cell, count in cells.items()] for datum, cells in counts.items()}
-        return _json(Heat(since_s=end_s - HEAT_S, until_s=end_s, cell_m=HEAT_CELL_M, floors=floors))
+        return json_response(Heat(since_s=end_s - HEAT_S, until_s=end_s, cell_m=HEAT_CELL_M, floors=floors))
 
     def shift(self, since_s: Annotated[float, Query(ge=0, allow_inf_nan=False)]) -> Response:
         """The situations that were open since a time, at most 5,000, with how severe each was at worst."""
@@ -206,7 +207,3 @@ def site_document(site: Site) -> dict[str, Any]:
 
 def _cell(metres: float) -> float:
     return floor(metres / HEAT_CELL_M) * HEAT_CELL_M
-
-
-def _json(content: object) -> Response:
-    return Response(to_json(content, inf_nan_mode="null"), media_type="application/json")

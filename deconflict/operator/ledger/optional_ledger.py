@@ -44,12 +44,8 @@ class OptionalLedger:
         """Why the file is not in use; None if it is."""
         measures.count(DROPPED, by=0)
 
-    @property
-    def settings(self) -> LossSettings:
-        return self._settings
-
-    @settings.setter
-    def settings(self, settings: LossSettings) -> None:
+    def renew(self, settings: LossSettings) -> None:
+        """Use changed settings."""
         self._settings = settings
         if ledger := self._ledger:
             ledger.settings = settings
@@ -121,7 +117,7 @@ class OptionalLedger:
             log.error("%s was removed or replaced; the ledger continues with what is there now", path)
             self._close()
         if self._ledger is None:
-            self._ledger = LossLedger(self._directory, self.settings)
+            self._ledger = LossLedger(self._directory, self._settings)
             self._identity = _identity(path)
         return self._ledger
 

@@ -96,16 +96,12 @@ def kinds_of(choices: str | None) -> Set[str]:
     return chosen_kinds(names)
 
 
-def _ignore(_: str) -> None:
-    """Do nothing about a message of a subscriber."""
-
-
 async def send_while_read(
     websocket: WebSocket,
     sending: Coroutine[Any, Any, None],
     count: Callable[[int], None],
     measures: Measures,
-    hear: Callable[[str], None] = _ignore,
+    hear: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Send until the subscriber leaves or a send takes longer than the time limit. It counts as present meanwhile.
 

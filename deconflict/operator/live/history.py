@@ -75,23 +75,18 @@ class History:
     def recorded(self) -> tuple[float, float] | None:
         return recorded_span(self._log, time.time())
 
-    async def floor_at(self, at_s: float) -> str:
-        """Raises `BusyError`."""
-        return await self._worked_out(floor_at, at_s)
+    async def read(self, read_at: Callable[[Site, Path, float], Answer], at_s: float) -> Answer:
+        """What `floor_at` or `batch_at` reads of a time.
 
-    async def batch_at(self, at_s: float) -> bytes:
-        """Raises `BusyError`."""
-        return await self._worked_out(batch_at, at_s)
-
-    async def _worked_out(self, function: Callable[[Site, Path, float], Answer], at_s: float) -> Answer:
-        """Raises `BusyError` if too many requests wait, or the worker process ended."""
+        Raises `BusyError` if too many requests wait, or the worker process ended.
+        """
         if self._waiting >= MOST_WAITING:
             raise BusyError
         if self._worker is None:
             self._worker = worker_pool()
         self._waiting += 1
         try:
-            return await asyncio.wrap_future(self._worker.submit(function, self.site, self._log, at_s))
+            return await asyncio.wrap_future(self._worker.submit(read_at, self.site, self._log, at_s))
         except BrokenProcessPool:
             self._worker = None
             raise BusyError from None

@@ -105,7 +105,7 @@ class SqliteConnections:
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
-        with self._transaction(lambda: self._writer, self._write_lock, "BEGIN IMMEDIATE") as db:
+        with self._transaction(lambda: self._file.writer, self._write_lock, "BEGIN IMMEDIATE") as db:
             yield db
             self._note_last(last_seq(db))
 
@@ -125,23 +125,19 @@ class SqliteConnections:
                 self._reserved.note_unstored(has_unstored=has_unstored())
 
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
-        return self._transaction(lambda: self._reader, self._read_lock, "BEGIN")
+        return self._transaction(lambda: self._file.reader, self._read_lock, "BEGIN")
 
     def numbering(self) -> AbstractContextManager[sqlite3.Connection]:
         """For the short reads that new revisions need: they do not wait for other readers."""
-        return self._transaction(lambda: self._numberer, self._number_lock, "BEGIN")
+        return self._transaction(lambda: self._file.numberer, self._number_lock, "BEGIN")
 
     def long_reading(self) -> AbstractContextManager[sqlite3.Connection]:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
-        return self._transaction(lambda: self._long_reader, self._long_read_lock, "BEGIN")
+        return self._transaction(lambda: self._file.long_reader, self._long_read_lock, "BEGIN")
 
     def close(self) -> None:
         with self._all_locked():
-            self._close()
-
-    def _close(self) -> None:
-        for db in (self._long_reader, self._reader, self._numberer, self._writer):
-            db.close()
+            self._file.close()
 
     def set_aside(self, at: datetime) -> Path:
         """Rename the closed file so that no store opens it; returns its new path. Raises `StoreError`."""
@@ -152,7 +148,7 @@ class SqliteConnections:
         return aside
 
     def _use(self, file: FileConnections) -> None:
-        self._writer, self._numberer, self._reader, self._long_reader = file
+        self._file = file
         status = self.path.stat()
         self._identity = status.st_dev, status.st_ino
 
@@ -247,7 +243,7 @@ class SqliteConnections:
         if self._is_damaged and self._may_renew():
             with self._all_locked():
                 if self._is_damaged:
-                    self._close()
+                    self._file.close()
                     self._use(self._renewed())
 
     @contextmanager

@@ -28,7 +28,7 @@ from deconflict.operator.store.pending_writes import (
     newest_by_id,
     open_at_time,
 )
-from deconflict.operator.store.sqlite_connections import Renewal, SqliteConnections
+from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from deconflict.operator.store.unstored_answers import UnstoredAnswers
 from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
@@ -48,8 +48,9 @@ class Store:
 
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
-        self._connections = self.connects(directory, follows_stream=follows_stream)
-        self.path = self._connections.path
+        self.connections = self.connects(directory, follows_stream=follows_stream)
+        """Those to the file."""
+        self.path = self.connections.path
         self._number_lock, self._answers = RLock(), UnstoredAnswers()
         self._pending: list[AnyRevision] = []
         """Numbered, and not in the file yet, ascending by number."""
@@ -59,16 +60,7 @@ class Store:
 
     def close(self) -> None:
         self.note_unstored()
-        self._connections.close()
-
-    def set_aside(self, at: datetime) -> Path:
-        """Rename the closed file so that no store opens it; returns its new path. Raises `StoreError`."""
-        return self._connections.set_aside(at)
-
-    @property
-    def renewal(self) -> Renewal | None:
-        """The last time that a damaged file was replaced since the start."""
-        return self._connections.renewal
+        self.connections.close()
 
     @property
     def unstored(self) -> int:
@@ -91,7 +83,7 @@ class Store:
             self._refuse_too_many()
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
-            with self._connections.numbering() as db:
+            with self.connections.numbering() as db:
                 seq = _last(db, pending)
                 for advisory in advisories:
                     try:
@@ -124,7 +116,7 @@ class Store:
         if not pending and not positions:
             return
         unwritable: list[tuple[AnyRevision, Exception]] = []
-        with self._connections.writing() as db:
+        with self.connections.writing() as db:
             last = tables.last_seq(db)
             new = (revision for revision in pending if revision.seq > last)
             answered = self._answers.unstored
@@ -139,7 +131,7 @@ class Store:
 
     def note_unstored(self) -> None:
         """Have a start after a crash begin a new epoch if revisions wait for the disk now."""
-        self._connections.note_unstored(lambda: bool(self._pending))
+        self.connections.note_unstored(lambda: bool(self._pending))
 
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
@@ -151,7 +143,7 @@ class Store:
         stored = []
         with self._number_lock:
             self.flush()
-            with self._connections.writing() as db:
+            with self.connections.writing() as db:
                 seq = tables.last_seq(db)
                 for advisory in advisories:
                     known = tables.stored_revision(db, advisory.id, advisory.revision)
@@ -164,7 +156,6 @@ class Store:
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
         """`accept_answer`, and store it."""
-        self.flush()
         answered = self.accept_answer(advisory_id, answer, seq)
         self.flush()
         return answered
@@ -175,7 +166,7 @@ class Store:
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
         already is not stored twice. Every later revision has the answer too. Raises `StoreError`, as `accept` does.
         """
-        with self._number_lock, self._connections.numbering() as db:
+        with self._number_lock, self.connections.numbering() as db:
             self._refuse_too_many()
             last = _last(db, self._pending)
             newest = newest_by_id(self._pending).get(advisory_id) or tables.newest(db, advisory_id)
@@ -274,7 +265,7 @@ class Store:
 
     def position(self, outlet: str) -> int | None:
         """The number of the last revision that an outlet has delivered; None for a new outlet."""
-        with self._number_lock, self._connections.numbering() as db:
+        with self._number_lock, self.connections.numbering() as db:
             return self.outlets.unstored.get(outlet, tables.position(db, outlet))
 
     def set_position(self, outlet: str, seq: int) -> None:
@@ -284,7 +275,7 @@ class Store:
 
     def keep_canary(self, document: str) -> None:
         """Replace the stored canary, an advisory that nobody reads. Raises `StoreError`."""
-        with self._connections.writing() as db:
+        with self.connections.writing() as db:
             tables.put_canary(db, document)
 
     def burdens_s(self) -> dict[str, float]:
@@ -310,7 +301,7 @@ class Store:
 
     def prune(self, before: datetime, latest_s: float = float("inf")) -> int:
         """Remove cleared advisories that are old (`pruning.last_old`), with every revision; returns how many."""
-        with self._connections.long_reading() as db:
+        with self.connections.long_reading() as db:
             last = pruning.last_old(db, before.timestamp(), latest_s)
         return self._prune(lambda db: pruning.remove_old(db, before.timestamp(), latest_s, last))
 
@@ -318,21 +309,21 @@ class Store:
         """If the file uses more, remove cleared advisories until it uses less by `pruning.ROOM`; returns how many."""
         if self.used_bytes() <= most_bytes:
             return 0
-        with self._connections.long_reading() as db:
+        with self.connections.long_reading() as db:
             revisions = pruning.revisions_by_vendors(db)
         least_bytes = most_bytes * (1 - pruning.ROOM)
         return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions, self.outlets.reaches(db)))
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
-        with self._connections.reading() as db:
+        with self.connections.reading() as db:
             return pruning.used_bytes(db)
 
     def _prune(self, remove: Callable[[sqlite3.Connection], int]) -> int:
         """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
         pruned, removed = 0, 1
         while removed:
-            with self.outlets.removing(self._connections) as db:
+            with self.outlets.removing(self.connections) as db:
                 removed = remove(db)
             pruned += removed
         return pruned
@@ -341,7 +332,7 @@ class Store:
     def _file_and_pending(self, *, long: bool = False) -> Iterator[tuple[sqlite3.Connection, PendingWrites]]:
         """The file, and the revisions that are not in it yet. `long` is for a read that takes long."""
         pending = self._pending
-        with self._connections.long_reading() if long else self._connections.reading() as db:
+        with self.connections.long_reading() if long else self.connections.reading() as db:
             last = tables.last_seq(db)
             yield db, [revision for revision in pending if revision.seq > last]
 

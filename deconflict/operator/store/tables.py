@@ -188,7 +188,11 @@ def numbered(db: sqlite3.Connection, advisory: AnyRevision, seq: int) -> AnyRevi
 def write_revision(db: sqlite3.Connection, revision: AnyRevision) -> None:
     """Write a numbered revision, and what it adds to the burdens of vendors."""
     insert(db, revision, answers_of(db, revision.id)[0], revision.updated_at)
-    add_burdens(db, revision)
+    db.executemany(
+        """INSERT INTO burdens VALUES (?, ?)
+        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
+        list(revision.advised_wait_s.items()),
+    )
 
 
 def newest(db: sqlite3.Connection, advisory_id: str) -> AnyRevision | None:
@@ -248,7 +252,11 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
     parties = zip(advisory.robots, advisory.vendors, strict=True)
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
-        count_encounter(db, advisory)
+        db.execute(
+            """INSERT INTO encounters VALUES (?, ?, ?)
+            ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
+            (*advisory.robots, advisory.encounter),
+        )
 
 
 def note_removed(db: sqlite3.Connection, numbers: Iterable[tuple[str, int]]) -> None:
@@ -277,22 +285,6 @@ def use_up_number(db: sqlite3.Connection, seq: int) -> None:
     """Have no later revision get a number."""
     db.execute("INSERT INTO revisions VALUES (?, '', 0, 0, 0, '')", (seq,))
     db.execute("DELETE FROM revisions WHERE seq = ?", (seq,))
-
-
-def add_burdens(db: sqlite3.Connection, advisory: AnyRevision) -> None:
-    db.executemany(
-        """INSERT INTO burdens VALUES (?, ?)
-        ON CONFLICT (vendor) DO UPDATE SET yielded_s = yielded_s + excluded.yielded_s""",
-        list(advisory.advised_wait_s.items()),
-    )
-
-
-def count_encounter(db: sqlite3.Connection, advisory: ConflictAdvisory) -> None:
-    db.execute(
-        """INSERT INTO encounters VALUES (?, ?, ?)
-        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
-        (*advisory.robots, advisory.encounter),
-    )
 
 
 def put_canary(db: sqlite3.Connection, document: str) -> None:

@@ -16,6 +16,7 @@ from deconflict.operator.suggestions.place_rules import (
     priority_suggestions,
 )
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
+from deconflict.operator.suggestions.suggestion import expected_s
 from deconflict.operator.suggestions.vendor_rules import clearance_suggestions, vendor_suggestions
 from deconflict.operator.suggestions.worst_places import worst_places
 from deconflict_client.answers.loss_models import LossList
@@ -48,7 +49,7 @@ def found_suggestions(evidence: LossEvidence, places: SuggestedPlaces) -> list[S
 
 
 def ranked(suggestions: Iterable[Suggestion]) -> list[Suggestion]:
-    return sorted(suggestions, key=_expected_s, reverse=True)[:MOST_SUGGESTIONS]
+    return sorted(suggestions, key=lambda each: expected_s(each.saving), reverse=True)[:MOST_SUGGESTIONS]
 
 
 def suggestion_list(evidence: LossEvidence, places: SuggestedPlaces, span: LossList) -> SuggestionList:
@@ -67,9 +68,3 @@ def none_because(evidence: LossEvidence) -> str:
     """Why there is no suggestion."""
     losses = sum(cell.losses for cell in evidence.cells)
     return TOO_LITTLE if evidence.lost_s < LEAST_S or losses < LEAST_LOSSES else NOTHING_STANDS_OUT
-
-
-def _expected_s(suggestion: Suggestion) -> float:
-    """Seconds an hour, in the middle of the range."""
-    saving = suggestion.saving
-    return (saving.low_s_per_hour + saving.high_s_per_hour) / 2 if saving else 0.0

@@ -1,6 +1,8 @@
-"""Words of suggestions, and the commands that check them."""
+"""Words of suggestions, the commands that check them, and what they are expected to save."""
 
 import shlex
+
+from deconflict_client.answers.suggestion_models import Saving
 
 
 def whatif_command(*options: str) -> str:
@@ -19,3 +21,8 @@ def minutes_between(low_s: float, high_s: float) -> str:
     else:
         low, high = f"{low_s:.0f}", f"{high_s:.0f} s"
     return f"{low} to {high}"
+
+
+def expected_s(saving: Saving | None) -> float:
+    """Seconds an hour, in the middle of the range."""
+    return (saving.low_s_per_hour + saving.high_s_per_hour) / 2 if saving else 0.0

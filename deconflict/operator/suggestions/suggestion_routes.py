@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from fastapi import FastAPI, Query
 
-from deconflict.operator.ledger.loss_questions import DAY_S, LossQuestion
+from deconflict.operator.ledger.loss_questions import DAY_S
+from deconflict.operator.ledger.loss_routes import Ask
 from deconflict.operator.suggestions.evidence import VendorForecasts, evidence_of
 from deconflict.operator.suggestions.found_suggestions import evidence_questions, suggestion_list
 from deconflict.operator.suggestions.standing_places import StandingPlaces, shift_begin
@@ -20,7 +21,6 @@ from deconflict_client.answers.loss_models import LossList
 from deconflict_client.answers.suggestion_models import SuggestionList, WorstPlace
 
 DAYS = 7
-Ask = Callable[[LossQuestion], Awaitable[LossList]]
 Measured = Callable[[], Awaitable[list[dict[str, Any]]]]
 
 

@@ -25,7 +25,7 @@ from deconflict.operator.suggestions.place_rules import (
     saving_of,
 )
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
-from deconflict.operator.suggestions.suggestion import minutes, whatif_command
+from deconflict.operator.suggestions.suggestion import expected_s, minutes, whatif_command
 from deconflict_client.answers.suggestion_models import ChangeKind, SuggestionEvidence, TriedChange, WorstPlace
 
 MOST_PLACES = 5
@@ -70,7 +70,8 @@ def worst_places(evidence: LossEvidence, places: SuggestedPlaces, since_s: float
 def with_tried(found: WorstPlace, tried: Sequence[TriedChange]) -> WorstPlace:
     """The place after changes were simulated. If the simulation answers none of them, the rule still stands."""
     answered = [change for change in tried if change.saving]
-    best = max((change for change in answered if change.pays), key=_expected_s, default=None)
+    paying = (change for change in answered if change.pays)
+    best = max(paying, key=lambda change: expected_s(change.saving), default=None)
     return _told(found.model_copy(update={"tried": list(tried), "best": best if answered else found.best}))
 
 
@@ -184,10 +185,6 @@ def _tried(change: TriedChange) -> str:
     if change.pays:
         return f"{change.change}: saves {saved(change.saving)}"
     return f"{change.change}: {'loses time' if high < 0 else 'no clear change'} ({low:+.0f} to {high:+.0f} s an hour)"
-
-
-def _expected_s(change: TriedChange) -> float:
-    return (change.saving.low_s_per_hour + change.saving.high_s_per_hour) / 2 if change.saving else 0.0
 
 
 def _spot(cell: CellLoss, places: SuggestedPlaces) -> LossSpot:

@@ -2,7 +2,6 @@
 with which situations resume."""
 
 import json
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from deconflict.operator.store.store import Store
@@ -11,7 +10,7 @@ from deconflict.runtime.rpc import Caller
 from deconflict.runtime.set_asides import SetAsides
 from deconflict_client.advisory import SITUATION, AnyAdvisory
 from deconflict_client.advisory.robot_advice import RobotAdvice
-from deconflict_client.situations import REVISION, AnyRevision, advice_of, advisories_of
+from deconflict_client.situations import AnyRevision, advice_of, advisories_of
 from ingest.batch import Pair
 
 MOST_ADVISORIES, MOST_ENCOUNTERS = 500, 5_000
@@ -43,7 +42,7 @@ def open_revisions(store: Store, set_asides: SetAsides) -> list[AnyRevision]:
     last = 0
     while page := store.open_after(last, MOST_ADVISORIES):
         last = page[-1].seq
-        found += _valid((document.text.encode() for document in page), set_asides)
+        found += filter(None, (set_asides.revision_of(document.text.encode()) for document in page))
     return found
 
 
@@ -60,19 +59,10 @@ def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
     while last is not None:
         head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
         last = head["last"]
-        found |= {revision.id: revision for revision in _valid(lines, set_asides)}
+        found |= {revision.id: revision for revision in filter(None, map(set_asides.revision_of, lines))}
     state.open.extend([*advisories_of(found.values()), *advice_of(found.values())])
     pair: Pair = FIRST_PAIR
     while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):
         state.encounters.update({(a, b): count for a, b, count in page})
         pair = page[-1][0], page[-1][1]
     return state
-
-
-def _valid(lines: Iterable[bytes], set_asides: SetAsides) -> Iterator[AnyRevision]:
-    """The revisions of these lines of JSON. Those that are not valid are set aside."""
-    for line in lines:
-        try:
-            yield REVISION.validate_json(line)
-        except ValueError as error:
-            set_asides.add("invalid", line[:200].decode(errors="replace"), error)

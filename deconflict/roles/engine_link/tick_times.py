@@ -14,15 +14,12 @@ class TickTimes:
     """The ticks of the engine that asks for batches. A replay takes the times from the recording."""
 
     def __init__(self, shortest_s: float, clock: Callable[[], float]) -> None:
-        """`shortest_s` is the shortest time between two ticks, `clock` the service's clock."""
-        self._shortest_s, self._clock = shortest_s, clock
+        """`clock` is the service's clock."""
+        self.shortest_s, self._clock = shortest_s, clock
+        """The shortest time between two ticks; it may change."""
         self._tick_s = 0.0
         """The time of the last tick."""
         self._news = asyncio.Event()
-
-    def use(self, shortest_s: float) -> None:
-        """Use another shortest time from now on."""
-        self._shortest_s = shortest_s
 
     def note_message(self) -> None:
         """A message was accepted, which the next tick is for."""
@@ -30,10 +27,10 @@ class TickTimes:
 
     async def next_s(self) -> float:
         """The time of the next tick, once it has come. Ask for it when the pass of the last tick is over."""
-        early_s = self._tick_s + self._shortest_s - self._clock()
+        early_s = self._tick_s + self.shortest_s - self._clock()
         if early_s > 0:  # even sleep(0) costs one iteration of the event loop
             await asyncio.sleep(early_s)
-        idle_s = self._tick_s + max(self._shortest_s, IDLE_TICK_S) - self._clock()
+        idle_s = self._tick_s + max(self.shortest_s, IDLE_TICK_S) - self._clock()
         if idle_s > 0 and not self._news.is_set():
             with suppress(TimeoutError):
                 async with asyncio.timeout(idle_s):

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.roles.health.refusal_health import MOST_NAMED
 from deconflict_client.counted_nouns import count_of
 from ingest.fleet.owners.admission import PARTLY_EXAMINED, UNEXAMINED, remedy
 from ingest.measures.measures import joined_values
-
-MOST_NAMED = 5
-"""Vendors that a reason names."""
 
 
 def admission_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.roles.health.refusal_health import MOST_NAMED
 from deconflict_client.counted_nouns import count_of
 from ingest.fleet.fleet_report import NOT_COMPARED
 from ingest.fleet.owners.comparability import NOT_READ, REMEDIES, TOO_MANY_MAPS
 from ingest.measures.measures import joined_values
 from ingest.settings import UNKNOWN
 
-MOST_NAMED = 5
-"""Vendors that a reason names."""
 INVENTED = (TOO_MANY_MAPS,)
 """Faults of senders that make up maps without end. Their robots say so, and others are not concerned."""
 NOBODY_HEARS = "no ingest is connected to this broker; if this lasts for longer than 10 s, see the logs of the ingests"

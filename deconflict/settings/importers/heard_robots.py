@@ -9,10 +9,10 @@ from deconflict.settings.importers.toml_values import toml_value
 from deconflict_client.counted_nouns import count_of
 from deconflict_client.participant_kinds import NOUNS
 from ingest.languages.visible_text import visible
+from ingest.settings import NIL_DATUM
 
 RobotDocument = Mapping[str, Any]
 """A robot as `GET /robots` has it."""
-NIL = "00000000-0000-0000-0000-000000000000"
 
 
 class HeardRobots:
@@ -26,7 +26,7 @@ class HeardRobots:
         """By datum, how many robots of each vendor sent it."""
         for vendor, own in self.by_vendor.items():
             for robot in own:
-                if robot["floor"] not in (None, "", NIL):
+                if robot["floor"] not in (None, "", NIL_DATUM):
                     self.senders[robot["floor"]][vendor] += 1
 
     def site_datums(self) -> list[str]:
@@ -38,7 +38,7 @@ NO_DATUM = (
     "",
     "# No robot was heard on a floor. Robots send the UUID of theirs as planarDatum.",
     "# [[datums]]",
-    f'# id = "{NIL}"',
+    f'# id = "{NIL_DATUM}"',
     '# name = "Ground floor"',
     '# reference_points = [{ id = "mark-1", name = "Column A1", x = 0.0, y = 0.0 }]',
 )

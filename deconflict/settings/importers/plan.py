@@ -9,6 +9,7 @@ from deconflict_client.counted_nouns import count_of
 Spot = tuple[float, float]
 """x and y in the frame of its level, metres."""
 Use = Literal["charger", "parking", "dock", "station"]
+NO_LEVELS = "has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
 
 
 class PlanError(ValueError):

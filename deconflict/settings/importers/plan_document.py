@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import yaml
 
-from deconflict.settings.importers.plan import PlanError
+from deconflict.settings.importers.plan import NO_LEVELS, PlanError
 from ingest.plain_files import MOST_GIVEN_BYTES, read_file
 
 PLANT = "model"
@@ -113,7 +113,7 @@ def _other_thing(document: Any) -> str | None:
         other = f"is XML, but no openTCS plant model, whose outermost element is <model>; found <{name}>"
         return None if name == PLANT else XML_KINDS.get(name, other)
     if not isinstance(document, Mapping):
-        return "has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
+        return NO_LEVELS
     if document.get("type") == "FeatureCollection":
         return f"is GeoJSON; {TRAFFIC_EDITOR}"
     if "format_version" in document and "anchors" in document:

@@ -12,7 +12,7 @@ from deconflict.settings.importers.formats.metres import read_layout
 from deconflict.settings.importers.formats.openrmf.buildings import read_building
 from deconflict.settings.importers.formats.openrmf.rmf_graphs import is_graph, read_graph
 from deconflict.settings.importers.formats.opentcs.plant_model import read_plant
-from deconflict.settings.importers.plan import ImportedPlan, PlanError
+from deconflict.settings.importers.plan import NO_LEVELS, ImportedPlan, PlanError
 from deconflict.settings.importers.toml_values import toml_value
 from ingest.settings import Section
 
@@ -64,9 +64,7 @@ def read_plan(path: Path) -> ImportedPlan:
     if is_lif(document):
         return read_lif(document)
     if "levels" not in document:
-        raise PlanError(
-            f"{path}: has no levels; expected an Open-RMF building file, a LIF layout or an openTCS plant model"
-        )
+        raise PlanError(f"{path}: {NO_LEVELS}")
     if is_graph(document):
         return read_graph(document)
     return read_layout(document) if isinstance(document["levels"], list) else read_building(document)
@@ -84,13 +82,11 @@ def _check_places(plan: ImportedPlan, path: Path) -> None:
 
 def toml(site: DrawnSite, head: str) -> str:
     """The sections as TOML, without keys that have their default."""
-    return "\n".join([head, f"name = {toml_value(site.name)}", *_sections(site)]) + "\n"
-
-
-def _sections(site: DrawnSite) -> Iterator[str]:
+    lines = [head, f"name = {toml_value(site.name)}"]
     for heading in ("datums", "resources", "zones", "obstacles"):
         for section in getattr(site, heading):
-            yield from section_lines(heading, section)
+            lines += section_lines(heading, section)
+    return "\n".join(lines) + "\n"
 
 
 def section_lines(heading: str, section: Section) -> Iterator[str]:

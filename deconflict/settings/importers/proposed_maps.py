@@ -1,6 +1,6 @@
 """Vendors' maps, proposed from what their robots and others drive; how far a map's readings are from that."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import degrees
@@ -10,6 +10,7 @@ import numpy as np
 
 from deconflict.settings.importers.driven_log import AS_SENT, DrivenLog, driven_log
 from deconflict.settings.importers.toml_values import toml_value
+from deconflict.settings.map_checks import places_m
 from deconflict.settings.site import Site
 from deconflict_client.counted_nouns import count_of
 from ingest.batch import Floats
@@ -19,7 +20,6 @@ from ingest.frames.driven.map_search import Doubt, DrivenFrame, FoundMap, found_
 from ingest.frames.driven.shared_moments import Moments
 from ingest.frames.fitting import FitError
 from ingest.frames.frame_registry import fit_map
-from ingest.frames.projection import Projection
 from ingest.frames.transforms import Affine
 from ingest.languages.visible_text import visible
 from ingest.settings import Datum, ReferencePoint, VendorMap
@@ -185,7 +185,7 @@ def _map_lines(proposal: MapProposal) -> Iterator[str]:
     yield ""
     yield "[vendors.maps.readings]"
     transform = proposal.transform(fit)
-    readings = (_places_m(proposal.site_datum, marks) - transform.shift) @ np.linalg.inv(transform.matrix).T
+    readings = (places_m(proposal.site_datum, marks) - transform.shift) @ np.linalg.inv(transform.matrix).T
     digits = max(0, round(3 + np.log10(transform.scales[0])))
     for mark, (x, y) in zip(marks, readings.tolist(), strict=True):
         yield f"{toml_value(mark.id)} = [{x:z.{digits}f}, {y:z.{digits}f}]"
@@ -216,11 +216,6 @@ def _made_marks(proposal: MapProposal) -> tuple[ReferencePoint, ...]:
     return tuple(ReferencePoint(id=f"driven-{number}", x=x, y=y) for number, (x, y) in enumerate(corners, 1))
 
 
-def _places_m(datum: Datum, marks: Iterable[ReferencePoint]) -> Floats:
-    points = np.array([(mark.x, mark.y) for mark in marks])
-    return points if datum.coordinates == "metres" else Projection(datum).points(points)
-
-
 def difference_lines(proposal: MapProposal, vendor_map: VendorMap | None) -> Iterator[str]:
     """How far the readings of a map are from what is driven, for `deconflict check`."""
     fit = proposal.fit
@@ -248,7 +243,7 @@ def _wrong_readings(proposal: MapProposal, fit: FittedTransform, vendor_map: Ven
     marks = {mark.id: mark for mark in proposal.site_datum.reference_points}
     read = [marks[mark] for mark in vendor_map.readings]
     found_m = proposal.transform(fit)(np.array(list(vendor_map.readings.values())))
-    for mark, place, found in zip(read, _places_m(proposal.site_datum, read), found_m, strict=True):
+    for mark, place, found in zip(read, places_m(proposal.site_datum, read), found_m, strict=True):
         off_m, sure_m = float(np.hypot(*(found - place))), fit.error_m(float(np.hypot(*(place - fit.middle_m))))
         if off_m > max(OFF_M, OFF_ERRORS * sure_m):
             yield (

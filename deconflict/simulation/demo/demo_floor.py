@@ -7,7 +7,7 @@ from typing import Any
 
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.simulation.demo.advice_follower import Follow, Follower
-from deconflict.simulation.driving.lost_time import LostTime, LostTimeCounter
+from deconflict.simulation.driving.lost_time import LostTimeCounter
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.scripted_annex import Annex
 from deconflict.simulation.vendors.senders import STEP_S, RobotFloor, warehouse
@@ -63,21 +63,19 @@ class DemoFloor(FollowingFloor):
 
     def __init__(self, robots: int, seed: int, *, follows_advice: bool) -> None:
         super().__init__(*warehouse(robots, seed), Follow.SITUATIONS if follows_advice else Follow.NONE)
-        self._lost = LostTimeCounter(self.world)
+        self.lost = LostTimeCounter(self.world)
+        """What the robots of the halls lose."""
         self._without_advice = DemoFloor(robots, seed, follows_advice=False) if follows_advice else None
 
     def step(self) -> None:
         super().step()
-        self._lost.update(STEP_S)
+        self.lost.update(STEP_S)
         if self._without_advice:
             self._without_advice.step()
 
-    def lost_time(self) -> LostTime:
-        return self._lost.now()
-
     def result(self) -> dict[str, Any]:
         """The sums over the robots of the halls; with advice, those of the same robots without it beside them."""
-        sums = asdict(self.lost_time())
+        sums = asdict(self.lost.now())
         shown: dict[str, Any] = {name: sums[name] for name in SHOWN}
         if self._without_advice:
             shown["without_advice"] = self._without_advice.result()
@@ -86,7 +84,7 @@ class DemoFloor(FollowingFloor):
     def sentence(self) -> str:
         if not self._without_advice or not self._follower:
             return ""
-        own, other = self.lost_time(), self._without_advice.lost_time()
+        own, other = self.lost.now(), self._without_advice.lost.now()
         orders = sum(self._follower.counts[action] for action in ORDERS)
         return (
             f"Robots follow advice: {count_of(orders, 'order')} so far. "

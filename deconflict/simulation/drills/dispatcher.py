@@ -5,10 +5,9 @@ from math import cos, dist, hypot, sin
 import shapely
 
 from deconflict.contention.robots.place_geometry import PlaceGeometry
+from deconflict.simulation.demo.advice_follower import STALE_S
 from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
 
-STALE_S = 1.5
-"""Advice may be based on reports this much older than the advice."""
 WORTH_S = 0.3
 """A smaller change of a robot's arrival time is not passed on."""
 OUT_M = 0.5

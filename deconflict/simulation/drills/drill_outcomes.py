@@ -7,7 +7,7 @@ from typing import Any
 from deconflict.advice.actions.action_text import action_text
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.simulation.drills.drill_scripts import Drill, DrillSetup
-from deconflict_client.advisory import AdvisoryState, AnyAdvisory, Recommendation, Severity
+from deconflict_client.advisory import AdvisoryState, AnyAdvisory, Severity
 from deconflict_client.situations import AnyRevision, Situation, is_advisory
 
 CLOSE_S = 3.0
@@ -88,7 +88,7 @@ class DrillOutcomes:
             outcome.worst = max(outcome.worst or Severity.CAUTION, advisory.severity, key=SEVERITIES.index)
             outcome.ended = advisory.cleared_because or ""
             advice = advisory.recommendation
-            if advice and _asks(advice) and not outcome.advised:
+            if advice and (advice.holds or advice.slots or advice.actions) and not outcome.advised:
                 outcome.advised, outcome.asked = advisory.summary, "; ".join(map(action_text, advice.actions))
 
     def now(self) -> list[DrillOutcome]:
@@ -107,11 +107,6 @@ class DrillOutcomes:
 def documents(outcomes: Sequence[DrillOutcome]) -> list[dict[str, Any]]:
     """The outcomes as JSON documents."""
     return [asdict(outcome) | {"kept": outcome.kept} for outcome in outcomes]
-
-
-def _asks(advice: Recommendation) -> bool:
-    """Whether advice asks anybody for anything."""
-    return bool(advice.holds or advice.slots or advice.actions)
 
 
 def _advised(revision: AnyRevision) -> str:

@@ -21,7 +21,7 @@ from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.operator.http.api_sources import Exposition
 from deconflict.roles.service import run_in_one_process
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes, documents
-from deconflict.simulation.drills.drill_scripts import Drill, errand_group, set_up_drills
+from deconflict.simulation.drills.drill_scripts import Drill, set_up_drills
 from deconflict.simulation.drills.errands import STEP_S, ErrandGroup
 from deconflict.simulation.drills.site_service import SERVICES, AdviceSource, SiteService, SituationService
 from deconflict.simulation.vendors.dialects import DIALECTS
@@ -62,7 +62,8 @@ async def played(
     """The outcomes of these drills, once all robots have finished and all advisories are cleared, or after two
     minutes."""
     site, setups = set_up_drills(drills, ignored=ignored)
-    errands, outcomes = errand_group(setups), DrillOutcomes(drills, setups)
+    errands = ErrandGroup([errand for setup in setups for errand in setup.errands])
+    outcomes = DrillOutcomes(drills, setups)
     async with run_in_one_process(site, data, exposition) as (receiver, operator):
         start_s = time.time()
         service = SERVICES[source](errands, PlaceGeometry(site.resources, site.zones), start_s)

@@ -10,7 +10,7 @@ from deconflict.settings.shared_places import Resource, Zone
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.demo_site import demo_site
-from deconflict.simulation.drills.errands import Errand, ErrandGroup, Visit
+from deconflict.simulation.drills.errands import Errand, Visit
 from deconflict.simulation.participants import ALDER, BASALT, CORVID, WALKER, Make, Participant
 from deconflict.simulation.vendors.dialects import GROUND_ID
 from deconflict_client.advisory import Kind
@@ -168,8 +168,3 @@ def set_up_drills(drills: Sequence[Drill] = DRILLS, *, ignored: bool = False) ->
         "operator": site.operator.model_copy(update={"port": 0}),
     }
     return site.model_copy(update=changes), setups
-
-
-def errand_group(setups: Sequence[DrillSetup]) -> ErrandGroup:
-    """The robots of all drills."""
-    return ErrandGroup([errand for setup in setups for errand in setup.errands])

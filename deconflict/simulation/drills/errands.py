@@ -58,7 +58,7 @@ class Errand:
     def __init__(
         self, member: Participant, start: tuple[float, float], visits: Sequence[Visit], *, ignores_advice: bool = False
     ):
-        """It stands at `start`, heading for its first visit. With `ignores_advice` it ignores all instructions."""
+        """It stands at `start`, heading for its first visit. With `ignores_advice` no site service instructs it."""
         self.member, self.visits, self.ignores_advice = member, list(visits), ignores_advice
         self.x_m, self.y_m = start
         self.yaw_rad = self._heading_rad(self.visits[0])
@@ -130,11 +130,6 @@ class Errand:
         return self._slow_mps if self._slow_s > 0 else PACE_MPS
 
     @property
-    def drives(self) -> bool:
-        """Whether it would drive now."""
-        return bool(self.visits) and self._hold_s <= 0 and self._stay_s <= 0
-
-    @property
     def late_s(self) -> float:
         """How much later than first planned it finished, or will finish."""
         ends_s = self.t_s + self._timetable()[-1].after_s if self.through_s is None else self.through_s
@@ -142,28 +137,24 @@ class Errand:
 
     def wait(self, more_s: float) -> None:
         """Stand `more_s` longer before driving on. A negative value shortens an earlier wait."""
-        if not self.ignores_advice:
-            self._hold_s = max(self._hold_s + more_s, 0.0)
-            self.told_s = self.t_s
+        self._hold_s = max(self._hold_s + more_s, 0.0)
+        self.told_s = self.t_s
 
     def slow_down(self, speed_mps: float, seconds: float) -> None:
         """Drive at most at this speed for the next `seconds` of driving; with 0 s, as fast as usual again."""
-        if not self.ignores_advice:
-            self._slow_mps, self._slow_s = min(speed_mps, PACE_MPS), seconds
-            self.told_s = self.t_s
+        self._slow_mps, self._slow_s = min(speed_mps, PACE_MPS), seconds
+        self.told_s = self.t_s
 
     def go(self, visits: Sequence[Visit]) -> None:
         """Go to these positions first."""
-        if not self.ignores_advice:
-            self.visits[:0] = visits
-            self.told_s = self.t_s
+        self.visits[:0] = visits
+        self.told_s = self.t_s
 
     def go_instead(self, visit: Visit) -> None:
         """Go to the place of `visit` instead of the next place, for the same stay."""
-        if not self.ignores_advice:
-            row = next(row for row, planned in enumerate(self.visits) if planned.place)
-            self.visits[row] = replace(self.visits[row], x_m=visit.x_m, y_m=visit.y_m, place=visit.place)
-            self.told_s = self.t_s
+        row = next(row for row, planned in enumerate(self.visits) if planned.place)
+        self.visits[row] = replace(self.visits[row], x_m=visit.x_m, y_m=visit.y_m, place=visit.place)
+        self.told_s = self.t_s
 
     def comes_s(self, place: str) -> float | None:
         """When it will arrive at a place. None if it does not go there."""
@@ -192,7 +183,7 @@ class Errand:
     def robot(self) -> RobotState:
         """Everything that its vendor's dialect can report."""
         knots = self._timetable()
-        moving = self.drives
+        would_drive = bool(self.visits) and self._hold_s <= 0 and self._stay_s <= 0
         return RobotState(
             member=self.member,
             t_s=self.t_s,
@@ -200,7 +191,7 @@ class Errand:
             x_m=self.x_m,
             y_m=self.y_m,
             yaw_rad=self.yaw_rad,
-            linear_mps=self.pace_mps if moving else 0.0,
+            linear_mps=self.pace_mps if would_drive else 0.0,
             state=self._state,
             battery_pct=50.0,
             plan=FleetPlan(

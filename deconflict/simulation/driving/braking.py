@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.passing import SWERVING_MPS, Passings
-from deconflict.simulation.driving.protection import NOBODY, Bools, FreeWays, Traffic, free_ways
+from deconflict.simulation.driving.protection import NOBODY, FreeWays, Traffic, free_ways
 from deconflict.simulation.participants import Chassis, Protection
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 HELD_S = (0.8, 1.5)
 """Range of the time for which a robot's field must be clear before it continues. Each robot has its own."""

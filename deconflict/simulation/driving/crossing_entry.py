@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from deconflict.simulation.driving.crossings import Crossings
-from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Bools, Traffic, centres
+from deconflict.simulation.driving.protection import FLOOR_M, NOBODY, Traffic, centres
 from deconflict.simulation.floor_layout import Place
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 BOX_M = 1.9
 """Half side of the square that counts as the crossing."""
@@ -60,7 +60,7 @@ class CrossingEntry:
 
     def _in_way(self, seen: Traffic, rows: Ints) -> tuple[Ints, Ints]:
         """(p,) robots at their lines, and (p,) the others for which they wait."""
-        ahead = [self._crossings.next(robot) for robot in rows.tolist()]
+        ahead = [self._crossings.ahead[robot][0] for robot in rows.tolist()]
         middle = self._places[[passage.node for passage in ahead]].T
         out = seen.tracks.poses(rows, np.array([passage.leave_m for passage in ahead]) + EXIT_M)[:2]
         here = centres(seen, np.arange(len(seen.floor)), seen.progress_m)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deconflict.simulation.driving.protection import NOBODY
 from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.floor_layout import Layout, Place
 from ingest.batch import Floats, Ints
@@ -16,7 +17,6 @@ BEFORE_M, AFTER_M = 2.6, 2.2
 """Distances from the middle of a crossing at which it is entered and left."""
 ASK_M = 2.5
 """A robot requests a crossing at this distance before it."""
-NOBODY = -1
 ALL = 0
 """Stands for all fleets where their robots keep one order."""
 
@@ -90,7 +90,8 @@ class Crossings:
         self._fleet = fleet.tolist()
         self.shared: frozenset[int] = frozenset()
         """Crossings with one order for the robots of all fleets."""
-        self._ahead: list[list[CrossingPassage]] = [[] for _ in range(robots)]
+        self.ahead: list[list[CrossingPassage]] = [[] for _ in range(robots)]
+        """By robot, the crossing that it is in and those still ahead, in order."""
         self._inside: dict[tuple[int, int], dict[int, CrossingPassage]] = {}
         """By fleet and crossing."""
         self.stop_m = np.full(robots, np.inf)
@@ -106,16 +107,16 @@ class Crossings:
 
     def set_drive(self, robot: int, ahead: list[CrossingPassage]) -> None:
         """Set the crossings of the drive that a robot starts."""
-        self._ahead[robot], self.back_to_m[robot] = ahead, 0.0
+        self.ahead[robot], self.back_to_m[robot] = ahead, 0.0
         self._close(robot)
 
     def update(self, progress_m: Floats, going: Ints) -> None:
         """Admit robots to crossings, and remove those that have left. `going` are the rows of driving robots."""
         for robot in going[progress_m[going] >= self._event_m[going]]:
-            passage = self._ahead[robot][0]
+            passage = self.ahead[robot][0]
             inside = self._holders(robot, passage)
             if robot in inside:
-                del inside[robot], self._ahead[robot][0]
+                del inside[robot], self.ahead[robot][0]
                 self.back_to_m[robot] = passage.leave_m
                 self._close(robot)
             elif in_way := [holder for holder, other in inside.items() if passage.meets(other)]:
@@ -126,27 +127,19 @@ class Crossings:
 
     def give_way(self, robot: int, progress_m: float) -> None:
         """A robot that has backed out of a crossing must request it again."""
-        if self._ahead[robot] and progress_m < self._ahead[robot][0].enter_m:
-            self._holders(robot, self._ahead[robot][0]).pop(robot, None)
+        if self.ahead[robot] and progress_m < self.ahead[robot][0].enter_m:
+            self._holders(robot, self.ahead[robot][0]).pop(robot, None)
             self._close(robot)
-
-    def next(self, robot: int) -> CrossingPassage:
-        """The crossing that a robot is in or approaches. It exists if `enter_m` is finite."""
-        return self._ahead[robot][0]
-
-    def ahead(self, robot: int) -> list[CrossingPassage]:
-        """The crossing that a robot is in and those still ahead, in order."""
-        return self._ahead[robot]
 
     def is_inside(self, robot: int) -> bool:
         """Whether its fleet has admitted a robot to the first of them."""
-        return bool(self._ahead[robot]) and robot in self._holders(robot, self._ahead[robot][0])
+        return bool(self.ahead[robot]) and robot in self._holders(robot, self.ahead[robot][0])
 
     def _holders(self, robot: int, passage: CrossingPassage) -> dict[int, CrossingPassage]:
         fleet = self._fleet[robot]
         return self._inside.setdefault((ALL if fleet >= 0 and passage.node in self.shared else fleet, passage.node), {})
 
     def _close(self, robot: int) -> None:
-        enter_m = self._ahead[robot][0].enter_m if self._ahead[robot] else np.inf
+        enter_m = self.ahead[robot][0].enter_m if self.ahead[robot] else np.inf
         self.enter_m[robot] = enter_m
         self.stop_m[robot], self._event_m[robot], self.waits_for[robot] = enter_m, enter_m - ASK_M, NOBODY

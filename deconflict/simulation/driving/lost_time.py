@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deconflict.simulation.driving.motion import Activity, MovingRobots
-from deconflict.simulation.driving.protection import NOBODY, Bools
-from ingest.batch import Floats, Ints
+from deconflict.simulation.driving.protection import NOBODY
+from ingest.batch import Bools, Floats, Ints
 
 STANDING_MPS, LONG_S = 0.05, 3.0
 """A slower robot stands. A stop of this length counts."""

@@ -19,12 +19,12 @@ from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.instructions import Instructions
 from deconflict.simulation.driving.mutual_waits import PATIENCE_S, MutualWaits
 from deconflict.simulation.driving.passing import HALF_AISLE_M, WALKING_MPS, Passings
-from deconflict.simulation.driving.protection import Bools, Traffic, centres, may_sidestep
+from deconflict.simulation.driving.protection import Traffic, centres, may_sidestep
 from deconflict.simulation.driving.routes import Drive
 from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import BodySize, Chassis
 from deconflict_client.verbs import Side
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 ARRIVED_M = 0.03
 BACKING_MPS = 0.35
@@ -118,16 +118,6 @@ class MovingRobots(ABC):
 
     def __len__(self) -> int:
         return len(self._makes)
-
-    @property
-    def waited_s(self) -> Floats:
-        """(n,) how long others have blocked each."""
-        return self.waits.waited_s
-
-    @property
-    def yields_to(self) -> Ints:
-        """(n,) the robot of another fleet for which each brakes, slows down or swerves."""
-        return self.braking.yields_to
 
     def locations(self) -> Floats:
         """(n, 3) x, y, yaw of the location that each reports, in its floor's frame."""
@@ -223,7 +213,7 @@ class MovingRobots(ABC):
     def _move(self, dt_s: float) -> None:
         seen = self._traffic()
         self.crossings.update(self.progress_m, np.flatnonzero(self.doing == Activity.DRIVING))
-        line = self.lines.limits(seen, self.doing == Activity.DRIVING, self.waited_s)
+        line = self.lines.limits(seen, self.doing == Activity.DRIVING, self.waits.waited_s)
         planned_mps = self.tracks.speed_mps(np.arange(len(self)), self.progress_m + self.speed_mps * dt_s)
         pace_mps = np.where(
             seen.backing, BACKING_MPS, self.pace * np.minimum(planned_mps, self.braking.top_mps(self.t_s))
@@ -247,7 +237,7 @@ class MovingRobots(ABC):
             self.doing[robot], self.speed_mps[robot] = Activity.STANDING, 0.0
             self.until_s[robot] = self.t_s + stays_s
         back = self.doing == Activity.BACKING
-        done = back & ((self.progress_m <= self.back_to_m) | (self.waited_s > 0.5))
+        done = back & ((self.progress_m <= self.back_to_m) | (self.waits.waited_s > 0.5))
         for robot in np.flatnonzero(done):
             self.doing[robot] = Activity.HOLDING
             self.crossings.give_way(int(robot), float(self.progress_m[robot]))

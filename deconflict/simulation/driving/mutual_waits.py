@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from deconflict.simulation.driving.protection import NOBODY, Bools
-from ingest.batch import Floats, Ints
+from deconflict.simulation.driving.protection import NOBODY
+from ingest.batch import Bools, Floats, Ints
 
 PATIENCE_S = (4.0, 10.0)
 """Usual range of the time that a robot stands for another before it acts."""
@@ -19,6 +19,7 @@ class MutualWaits:
     def __init__(self, robots: int, rng: np.random.Generator, patience_s: tuple[float, float] = PATIENCE_S) -> None:
         self._rng, self._range_s = rng, patience_s
         self.waited_s = np.zeros(robots)
+        """(n,) how long others have blocked each."""
         self.blocker: Ints = np.full(robots, NOBODY)
         """(n,) the robot for which each stands."""
         self._patience_s = rng.uniform(*patience_s, robots)

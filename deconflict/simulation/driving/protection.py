@@ -9,11 +9,10 @@ other takes in the next 1.5 s.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from deconflict.simulation.driving.drive_table import DriveTable
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 
 NOBODY = -1
 LOOK_STEP_M = 0.2
@@ -37,8 +36,6 @@ EARLY_M = 2.5
 """How far beyond its stopping distance a robot checks."""
 FLOOR_M = 1e5
 """Offset between floors, so that all floors can share one tree."""
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,12 +12,11 @@ from deconflict.simulation.driving.crossings import passages
 from deconflict.simulation.driving.motion import Activity, MovingRobots
 from deconflict.simulation.driving.mutual_waits import PATIENCE_S
 from deconflict.simulation.driving.passing import HALF_AISLE_M
-from deconflict.simulation.driving.protection import Bools
 from deconflict.simulation.driving.routes import Drive, SpeedShare, drive, lane, standing
 from deconflict.simulation.floor_layout import Bay, BayKind, Layout
 from deconflict.simulation.participants import BodySize, Participant, VendorName
 from deconflict.simulation.trips import NOWHERE, Trips
-from ingest.batch import Ints
+from ingest.batch import Bools, Ints
 
 RIDE_S = 6.0
 """Time in a lift."""

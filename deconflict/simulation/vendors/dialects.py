@@ -22,6 +22,8 @@ MEZZANINE_ID = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b302"
 EVERY_SECOND_S = tuple(float(second) for second in range(1, 11))
 EVERY_TWO_S = tuple(2.0 * second for second in EVERY_SECOND_S)
 """Short enough that straight lines between the points do not cut corners."""
+FULL_RUN_H = 8.0
+"""How long a full battery lasts."""
 PEOPLE_PER_PATH = 3
 """One in this many people has a device that knows its path."""
 
@@ -108,7 +110,7 @@ class Dialect:
             "batteryPercentage": round(robot.battery_pct, 1),
         }
         if not robot.member.make.person:
-            report["remainingRunTime"] = round(robot.run_time_h, 2)
+            report["remainingRunTime"] = round(FULL_RUN_H * robot.battery_pct / 100, 2)
             report["loadPercentageStillAvailable"] = round(100.0 - robot.load_pct, 1)
         if robot.errors:
             report["errorCodes"] = list(robot.errors)

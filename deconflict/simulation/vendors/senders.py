@@ -3,8 +3,8 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack, suppress
 
 import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
@@ -125,13 +125,6 @@ async def call(url: str, line: Sender, rng: np.random.Generator) -> None:
         wait_s = min(2 * wait_s, BACKOFF_S[1])
 
 
-@asynccontextmanager
-async def listening(line: Sender, port: int) -> AsyncIterator[None]:
-    """A fleet manager that listens for services to connect."""
-    async with serve(line.send_over, "127.0.0.1", port, compression=None, ping_interval=None):
-        yield
-
-
 class RobotFloor:
     """Simulated robots: those of the halls, and those of the annex."""
 
@@ -142,13 +135,6 @@ class RobotFloor:
     def step(self) -> None:
         """Advance by `STEP_S`."""
         self.world.step(STEP_S)
-
-
-class SimulatedFloor(RobotFloor):
-    """The robots of the warehouse."""
-
-    def __init__(self, robots: int, seed: int) -> None:
-        super().__init__(*warehouse(robots, seed))
 
 
 def warehouse(robots: int, seed: int) -> tuple[World, Annex]:
@@ -181,7 +167,8 @@ async def simulate(
             if isinstance(sender, BrokerSender):
                 tasks.append(asyncio.create_task(sender.send()))
             elif sender.vendor is VendorName.BASALT and fleet_port is not None:
-                await servers.enter_async_context(listening(sender, fleet_port))
+                listening = serve(sender.send_over, "127.0.0.1", fleet_port, compression=None, ping_interval=None)
+                await servers.enter_async_context(listening)
             else:
                 path = f"/{sender.vendor}" if sender.vendor in OWN_PATH else ""
                 tasks.append(asyncio.create_task(call(url.rstrip("/") + path, sender, rng)))
@@ -225,7 +212,9 @@ async def _run(
     while not stop.is_set() and (seconds is None or world.t_s < seconds):
         late_s = (time.time() - start_s) * speed - world.t_s
         if late_s < STEP_S:
-            await _sleep_unless(stop, (STEP_S - late_s) / speed)
+            with suppress(TimeoutError):
+                async with asyncio.timeout((STEP_S - late_s) / speed):
+                    await stop.wait()
             continue
         if late_s > LATE_S:
             start_s += (late_s - STEP_S) / speed
@@ -235,14 +224,6 @@ async def _run(
         now_s = start_s + world.t_s
         _report(world, annex, due, senders, now_s)
         await asyncio.sleep(0)
-
-
-async def _sleep_unless(stop: asyncio.Event, seconds: float) -> None:
-    try:
-        async with asyncio.timeout(seconds):
-            await stop.wait()
-    except TimeoutError:
-        return
 
 
 def _report(world: World, annex: Annex, due: Ints, senders: Sequence[AnySender], now_s: float) -> None:

@@ -9,8 +9,10 @@ from typing import Any
 from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Pair
 from ingest.languages import timestamps
+from metrics.scoring.summaries import letters
 from metrics.scoring.warnings.judged_alerts import JudgedAlert, JudgedCases, JudgedOnset
-from metrics.scoring.warnings.precision_by_encounters import Alert
+from metrics.scoring.warnings.precision_by_encounters import placed
+from metrics.scoring.warnings.precision_by_outcomes import came_true
 from metrics.truth.pair_outcomes import IN_VAIN, Verdict
 from metrics.truth.silences import MINUTE_S
 
@@ -46,8 +48,8 @@ def listed(cases: JudgedCases, names: LogNames) -> dict[str, Any]:
         "in_vain_left_out": max(len(in_vain) - MOST_LISTED, 0),
         "missed": [_onset(onset, names) for onset in missed[:MOST_LISTED]],
         "missed_left_out": max(len(missed) - MOST_LISTED, 0),
-        "places": [_short(case.alert) for case in cases.alerts],
-        "came_true": "".join(_letter(case.verdict) for case in cases.alerts),
+        "places": placed([case.alert.place for case in cases.alerts]),
+        "came_true": letters(came_true(cases.alerts)),
     }
 
 
@@ -65,15 +67,6 @@ def by_minute(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> list[dict
         {"at_s": minute * MINUTE_S, "robots": round(by_minute_s.get(minute, 0.0) / MINUTE_S, 2), **counts[minute]}
         for minute in sorted({*by_minute_s, *counts})
     ]
-
-
-def _short(alert: Alert) -> str:
-    """x, y and floor of an alert; empty if they are not known."""
-    return f"{alert.place[1]:.1f} {alert.place[2]:.1f} {alert.place[0]}" if alert.place else ""
-
-
-def _letter(verdict: Verdict) -> str:
-    return "y" if verdict is Verdict.TRUE else "n" if verdict in IN_VAIN else "-"
 
 
 def _alert(case: JudgedAlert, names: LogNames) -> dict[str, Any]:

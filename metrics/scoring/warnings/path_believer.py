@@ -14,9 +14,9 @@ from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.geometry.encounter import CLASSES
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Batch, Ints, Pair
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S
 from metrics.scoring.warnings.precision_by_encounters import Alert
 
-HORIZON_S = 10.0
 LOOK_S = 1.0
 
 

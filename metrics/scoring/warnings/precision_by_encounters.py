@@ -16,11 +16,11 @@ import numpy as np
 
 from ingest.batch import Floats, Ints, Pair
 from metrics.scoring.bootstrap import interval
-from metrics.scoring.summaries import mean, means, median, medians, spread
+from metrics.scoring.summaries import letters, mean, means, median, medians, spread, tenths
 from metrics.scoring.warnings.calibration_scores import CalibrationTally, Vendors
+from metrics.scoring.warnings.outcomes_by_moment import HORIZON_S
 from metrics.truth.encounters import RecordedEncounter
 
-HORIZON_S = 10.0
 STANDING_S = 2.0
 """An encounter is recalled if an alert was open at a whole second within this time before its start."""
 
@@ -265,17 +265,17 @@ def _intervals(cases: AlertCases) -> dict[str, Any]:
 def _listed(cases: AlertCases) -> dict[str, Any]:
     """Every case in short form for comparisons: one letter or number each, ordered by start."""
     return {
-        "recalled": "".join("ny"[int(value)] for value in cases.met[:, 0]),
-        "recalled_any": "".join("ny"[int(value)] for value in cases.met[:, 1]),
-        "lead_time_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 2]),
-        "start_error_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in cases.met[:, 3]),
-        "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in cases.alerts),
-        "places": _placed(cases.places),
+        "recalled": letters(cases.met[:, 0]),
+        "recalled_any": letters(cases.met[:, 1]),
+        "lead_time_s": tenths(cases.met[:, 2]),
+        "start_error_s": tenths(cases.met[:, 3]),
+        "came_true": letters(cases.alerts),
+        "places": placed(cases.places),
         "probabilities": [[round(value, 6) for value in row] for row in cases.tally.every_group().tolist()],
     }
 
 
-def _placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
+def placed(places: Sequence[tuple[str, float, float] | None]) -> list[str]:
     """The places of the alerts in that order: `x y floor`, or empty."""
     return ["" if place is None else f"{place[1]:.1f} {place[2]:.1f} {place[0]}" for place in places]
 

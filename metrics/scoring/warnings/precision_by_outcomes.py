@@ -15,7 +15,7 @@ import numpy as np
 
 from ingest.batch import Floats
 from metrics.scoring.bootstrap import interval
-from metrics.scoring.summaries import mean, means, medians, ratio, ratios, spread
+from metrics.scoring.summaries import letters, mean, means, medians, ratio, ratios, spread, tenths
 from metrics.scoring.warnings.calibration_scores import Vendors
 from metrics.scoring.warnings.judged_alerts import LEADS_S, JudgedAlert, JudgedCases, JudgedOnset
 from metrics.scoring.warnings.precision_by_encounters import RobotPresence
@@ -70,7 +70,7 @@ def _counts(alerts: Sequence[JudgedAlert]) -> dict[str, Any]:
         "heeded": found[Verdict.HEEDED],
         "unknown": found[Verdict.UNKNOWN],
         "in_progress": found[Verdict.IN_PROGRESS],
-        "precision": mean(_came_true(alerts)),
+        "precision": mean(came_true(alerts)),
         "seconds_judged": int(seconds[:, 1].sum()),
         "seconds_true": ratio(seconds),
     }
@@ -106,7 +106,7 @@ def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str
     minutes = _minutes(cases, by_minute_s)
     warned = {"stops": _warned_rows(_stops(cases)), "encounters": _warned_rows(_encounters(cases))}
     return {
-        "precision": interval(_came_true(cases.alerts), means),
+        "precision": interval(came_true(cases.alerts), means),
         "seconds_true": interval(_seconds(cases.alerts), ratios),
         "alerts_per_robot_hour": interval(minutes[:, [0, 2]], ratios),
         "alert_minutes_per_robot_hour": interval(minutes[:, [1, 2]], ratios),
@@ -122,19 +122,14 @@ def _intervals(cases: JudgedCases, by_minute_s: Mapping[int, float]) -> dict[str
 def _listed(cases: JudgedCases) -> dict[str, Any]:
     """Every case in short form for comparisons: one letter each, ordered by start."""
     stops, encounters = _warned_rows(_stops(cases)), _warned_rows(_encounters(cases))
-    ahead_s = _ahead_s(cases.onsets).tolist()
     return {
-        "came_true": "".join("-" if np.isnan(value) else "ny"[int(value)] for value in _came_true(cases.alerts)),
-        "warned_of": _letters(_warned_rows(cases.onsets)[:, -1]),
-        "warned_of_2_s": _letters(_warned_rows(cases.onsets)[:, 0]),
-        "ahead_by_s": " ".join("-" if np.isnan(value) else f"{value:.1f}" for value in ahead_s),
-        **{f"stops_{name}": _letters(stops[:, column]) for column, name in enumerate(WARNED_NAMES)},
-        **{f"encounters_{name}": _letters(encounters[:, column]) for column, name in enumerate(WARNED_NAMES)},
+        "came_true": letters(came_true(cases.alerts)),
+        "warned_of": letters(_warned_rows(cases.onsets)[:, -1]),
+        "warned_of_2_s": letters(_warned_rows(cases.onsets)[:, 0]),
+        "ahead_by_s": tenths(_ahead_s(cases.onsets)),
+        **{f"stops_{name}": letters(stops[:, column]) for column, name in enumerate(WARNED_NAMES)},
+        **{f"encounters_{name}": letters(encounters[:, column]) for column, name in enumerate(WARNED_NAMES)},
     }
-
-
-def _letters(values: Floats) -> str:
-    return "".join("ny"[int(value)] for value in values)
 
 
 def _stops(cases: JudgedCases) -> list[JudgedOnset]:
@@ -145,7 +140,7 @@ def _encounters(cases: JudgedCases) -> list[JudgedOnset]:
     return [case for case in cases.onsets if not case.is_stop]
 
 
-def _came_true(alerts: Sequence[JudgedAlert]) -> Floats:
+def came_true(alerts: Sequence[JudgedAlert]) -> Floats:
     """(n,) 1 for a true alert, 0 for one in vain, nan if the outcome is unknown."""
     value_of = {Verdict.TRUE: 1.0} | dict.fromkeys(IN_VAIN, 0.0)
     return np.array([value_of.get(case.verdict, np.nan) for case in alerts], np.float64)

@@ -132,7 +132,7 @@ class ReplayedFloor(MovingRobots):
         return room_m, jam_s
 
     def _end_mutual_wait(self, robot: int) -> None:
-        if self.waited_s[robot] < self._jam_s[robot]:
+        if self.waits.waited_s[robot] < self._jam_s[robot]:
             return
         self._cleared_s[robot] = self.t_s
         self.braking.let_go(robot)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
-from deconflict.operator.blackbox.published_advisories import published_in
+from deconflict.operator.blackbox.blackbox_writer import published_in
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.sqlite_connections import FILE_NAME
 from deconflict.operator.store.store import Store, StoreError
@@ -188,7 +188,7 @@ async def test_a_read_only_file_is_logged_and_counted_and_written_once_possible(
 ) -> None:
     store, measures = Store(tmp_path), Measures()
     publisher = Publisher(store, measures)
-    store._connections._writer.execute("PRAGMA query_only = ON")
+    store.connections._file.writer.execute("PRAGMA query_only = ON")
     for number in (1, 2):
         await publisher.publish([made(number)])
     assert publisher.failing
@@ -197,7 +197,7 @@ async def test_a_read_only_file_is_logged_and_counted_and_written_once_possible(
     assert measures.values["deconflict_store_failures_total"] == {(): 2}
     with pytest.raises(StoreError, match="readonly"):
         store.append([made(9)])
-    store._connections._writer.execute("PRAGMA query_only = OFF")
+    store.connections._file.writer.execute("PRAGMA query_only = OFF")
     await publisher.store_pending()
     assert (store.unstored, len(store.after(0))) == (0, 2)
     assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"], "told once, and its end once"

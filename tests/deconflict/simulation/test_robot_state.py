@@ -49,7 +49,7 @@ def test_alone_on_the_floor_a_robot_is_where_it_planned_to_be(row: int) -> None:
             planned, floors = state.plan.at(np.array([after_s]))
             for _ in range(round((after_s if after_s == 1.0 else 3.0) / STEP_S)):
                 simulated.step(STEP_S)
-            if simulated.doing[row] == Activity.DRIVING and simulated.waited_s[row] == 0.0:
+            if simulated.doing[row] == Activity.DRIVING and simulated.waits.waited_s[row] == 0.0:
                 assert simulated.floor[row] == floors[0]
                 assert np.hypot(*(simulated.locations()[row, :2] - planned[0, :2])) < 0.1 + 0.075 * after_s
                 compared += 1

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from deconflict.roles.service import run_in_one_process
-from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
+from deconflict.simulation.vendors.senders import RobotFloor, simulate, warehouse
 from metrics.monitoring.alert_rules import RECORDING_RULES
 from metrics.monitoring.dashboards import dashboards
 from metrics.monitoring.exposition import render
@@ -49,7 +49,7 @@ async def test_every_query_of_every_panel_and_rule_has_data_while_the_demo_runs(
         operator,
     ):
         url = f"ws://127.0.0.1:{receiver.receiver.port}"
-        talking = asyncio.create_task(simulate(url, SimulatedFloor(ROBOTS, 1), None, stop=asyncio.Event()))
+        talking = asyncio.create_task(simulate(url, RobotFloor(*warehouse(ROBOTS, 1)), None, stop=asyncio.Event()))
         async with prometheus(tmp_path, f"127.0.0.1:{operator.port}") as client:
             try:
                 async with asyncio.timeout(PATIENCE_S):

@@ -65,7 +65,7 @@ class OptionalConnections(SqliteConnections):
         """Use memory from now on, which has `pending`, too, as of `StandIn`. No revision may be numbered meanwhile."""
         with self._all_locked():
             state = self._last_state()
-            self._close()
+            self._file.close()
             self._use_memory(state, why, pending, answered)
 
     def opened_again(self) -> FileConnections | None:
@@ -142,7 +142,7 @@ class OptionalConnections(SqliteConnections):
     def _last_state(self) -> State | None:
         """What can be read of the file in use. One that was removed exists until it is closed."""
         try:
-            return state_of(self._writer)
+            return state_of(self._file.writer)
         except sqlite3.Error:
             return readable_state(self.path)
 
@@ -154,7 +154,7 @@ class OptionalConnections(SqliteConnections):
         else:
             self._stand_in = StandIn(state, max(self._reserved.last, self._known_seq), pending, answered)
         self.outage = why
-        self._writer = self._numberer = self._reader = self._long_reader = self._stand_in.db
+        self._file = FileConnections(*4 * [self._stand_in.db])
         known = "what is open in it is known" if state else "nothing of it is known"
         log.error("advisories are kept in memory, and the file is tried again each second: %s; %s", why, known)
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from deconflict.cluster.judging.stream_situations import StreamSituations
+from deconflict.cluster.judging.global_engine import StreamSituations
 from deconflict.settings.site import Site
 from deconflict_client.advisory import Location, Severity, moment
 from deconflict_client.situations import AnyRevision, Situation

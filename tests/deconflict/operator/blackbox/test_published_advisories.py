@@ -1,5 +1,5 @@
 from deconflict.operator.blackbox.blackbox_request import BoxSpan
-from deconflict.operator.blackbox.published_advisories import published_in
+from deconflict.operator.blackbox.blackbox_writer import published_in
 from deconflict.operator.store.store import Store
 from tests.helpers.made_advisories import START, made, situation
 

@@ -123,7 +123,7 @@ async def test_a_long_read_of_the_past_delays_no_other_request(face: Served, cli
         began.set()
         return not goes_on.wait(PATIENCE_S)
 
-    face.store._connections._long_reader.set_progress_handler(slow, 100)  # as an hour of revisions is: long
+    face.store.connections._file.long_reader.set_progress_handler(slow, 100)  # as an hour of revisions is: long
     looking = asyncio.create_task(client.get(f"/past?at_s={(START + timedelta(minutes=90)).timestamp()}"))
     await until(began.is_set)
     await face.publish(made(101))

@@ -88,7 +88,7 @@ async def test_a_worker_process_reads_one_request_at_a_time_and_refuses_too_many
     seen = driven(tmp_path, 10)
     past = History(Site(), tmp_path)
     try:
-        asked = [past.floor_at(NOW_S + second) for second in range(MOST_WAITING + 1)]
+        asked = [past.read(floor_at, NOW_S + second) for second in range(MOST_WAITING + 1)]
         found = await asyncio.gather(*asked, return_exceptions=True)
         assert [rows(each) for each in found[:-1] if isinstance(each, str)] == [
             rows(seen[i]) for i in range(MOST_WAITING)

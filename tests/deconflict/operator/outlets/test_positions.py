@@ -140,7 +140,7 @@ async def test_an_outlet_that_catches_up_has_no_commit_for_each_revision(tmp_pat
         store.set_position("mes", 0)
         await publisher.publish([made(number) for number in range(1, 21)])
         statements: list[str] = []
-        store._connections._writer.set_trace_callback(statements.append)
+        store.connections._file.writer.set_trace_callback(statements.append)
         async with posting(other.url, store, publisher, tmp_path):
             await delivered(publisher, 20)
             assert "COMMIT" not in statements

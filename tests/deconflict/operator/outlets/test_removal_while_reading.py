@@ -69,7 +69,7 @@ async def test_a_page_that_begins_during_a_removal_has_nothing_that_is_removed(t
         end = store.append([made(NEWEST)])[-1].seq
         receiver = await beginning(store, Publisher(store, Measures()))
         await receiver.hear_to(100)
-        with store.outlets.removing(store._connections) as db:
+        with store.outlets.removing(store.connections) as db:
             hearing = asyncio.create_task(receiver.hear_to(end))
             await asyncio.sleep(0.05)
             assert len(receiver.heard) == 100

@@ -66,8 +66,8 @@ def test_what_follows_from_the_revisions_is_restored(tmp_path: Path, harm: Calla
     assert store.latest("all", robot=ROBOTS[0]).advisories == by_robot.advisories
     assert store.encounters_after(("", ""), 100) == encounters
     assert store.position("mes") == 17
-    assert store.renewal
-    assert store.renewal.salvage == (400, 0, True)
+    assert store.connections.renewal
+    assert store.connections.renewal.salvage == (400, 0, True)
     assert store.append([made(9_000)])[0].seq > 400
     store.close()
 
@@ -83,16 +83,17 @@ def test_what_can_be_read_of_a_damaged_file_is_kept(
     read_whole(store)
     kept = store.after(0, -1)
     assert 400 * kept_share / 2 < len(kept) < 400
-    assert store.renewal
-    assert (store.renewal.salvage.copied, store.renewal.salvage.is_complete) == (len(kept), True)
-    assert store.renewal.salvage.lost >= 400 - len(kept)
+    assert store.connections.renewal
+    salvage = store.connections.renewal.salvage
+    assert (salvage.copied, salvage.is_complete) == (len(kept), True)
+    assert salvage.lost >= 400 - len(kept)
     assert store.append([made(9_000)])[0].seq > 400
     assert {advisory.id for advisory in store.latest("all").advisories} == {each.id for each in kept} | {
         "advisory-9000"
     }
     store.close()
-    assert (tmp_path / store.renewal.file).stat().st_size == int(len(whole) * kept_share)
-    assert store.renewal.file in caplog.text
+    assert (tmp_path / store.connections.renewal.file).stat().st_size == int(len(whole) * kept_share)
+    assert store.connections.renewal.file in caplog.text
 
 
 def test_a_damaged_page_costs_the_revisions_on_it(tmp_path: Path) -> None:
@@ -101,9 +102,9 @@ def test_a_damaged_page_costs_the_revisions_on_it(tmp_path: Path) -> None:
     damage(path, page(at))
     store = Store(tmp_path)
     read_whole(store)
-    assert store.renewal
-    assert 0 < store.renewal.salvage.lost < 20
-    assert len(store.after(0, -1)) == 400 - store.renewal.salvage.lost
+    assert store.connections.renewal
+    assert 0 < store.connections.renewal.salvage.lost < 20
+    assert len(store.after(0, -1)) == 400 - store.connections.renewal.salvage.lost
     store.close()
 
 
@@ -139,7 +140,7 @@ def test_a_file_that_is_damaged_while_revisions_wait_loses_none_of_them(tmp_path
     damage(path, page(page_of(path, "advisories")))
     for _ in range(2):
         read_whole(store)
-    assert store.renewal
+    assert store.connections.renewal
     assert [advisory.seq for advisory in accepted] == [401, 402]
     assert store.after(400) == accepted
     store.flush()
@@ -152,7 +153,7 @@ def test_a_file_that_is_damaged_again_at_once_is_not_replaced_again(tmp_path: Pa
     path = filled(tmp_path)
     damage(path, page(1))
     store = Store(tmp_path)
-    store._connections._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    store.connections._file.writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     damage(path, page(page_of(path, "revisions")))
     for _ in range(3):
         with pytest.raises(DamagedStoreError):
@@ -200,6 +201,6 @@ def test_a_document_in_which_a_query_finds_damage_is_left_behind_in_the_old_file
     with pytest.raises(DamagedStoreError, match="malformed JSON"):
         store.raised_between(START.timestamp() - 60, START.timestamp() + 3_600)
     assert sum(store.raised_between(START.timestamp() - 60, START.timestamp() + 3_600).values()) == 7
-    assert store.renewal
-    assert store.renewal.salvage == (9, 1, True)
+    assert store.connections.renewal
+    assert store.connections.renewal.salvage == (9, 1, True)
     store.close()

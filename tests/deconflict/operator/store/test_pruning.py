@@ -117,8 +117,8 @@ def test_revisions_are_counted_by_vendors_once_for_all_steps_and_without_the_loc
     monkeypatch.setattr("deconflict.operator.store.pruning.STEP", 5)
     store.append([cleared(number, 1, summary="x" * 4_000) for number in range(1, 101)])
     statements: list[str] = []
-    store._connections._writer.set_trace_callback(statements.append)
-    store._connections._long_reader.set_trace_callback(statements.append)
+    store.connections._file.writer.set_trace_callback(statements.append)
+    store.connections._file.long_reader.set_trace_callback(statements.append)
     most_bytes = store.used_bytes() // 2
     removed = store.prune_to(most_bytes)
     assert (removed // 5, removed % 5) == (statements.count("BEGIN IMMEDIATE") - 1, 0)

@@ -149,7 +149,7 @@ async def test_a_slow_question_of_people_delays_no_new_revision(store: Store) ->
         began.set()
         return not goes_on.wait(PATIENCE_S)
 
-    store._connections._reader.set_progress_handler(slow, 100)
+    store.connections._file.reader.set_progress_handler(slow, 100)
     asking = asyncio.create_task(asyncio.to_thread(store.latest))
     await asyncio.to_thread(began.wait, PATIENCE_S)
     await publisher.publish([made(101)])

@@ -345,7 +345,7 @@ def test_revisions_accepted_during_a_flush_are_stored_next(store: Store) -> None
         if statement.startswith("BEGIN") and late:
             store.accept([late.pop()])
 
-    store._connections._writer.set_trace_callback(meanwhile)
+    store.connections._file.writer.set_trace_callback(meanwhile)
     store.flush()
     assert (late, store.unstored) == ([], 1)
     store.flush()

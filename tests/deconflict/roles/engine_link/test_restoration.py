@@ -72,7 +72,7 @@ async def test_an_unreadable_advisory_keeps_no_engine_from_resuming(tmp_path: Pa
     stored(tmp_path, *crowd(3))
     measures = Measures()
     async with serving(tmp_path) as (role, caller):
-        with role._store._connections.writing() as db:
+        with role._store.connections.writing() as db:
             db.execute("UPDATE revisions SET document = '{}' WHERE seq = 2")
         state = await asyncio.to_thread(stored_state, caller, SetAsides(measures))
     assert [advisory.id for advisory in state.open] == ["advisory-0", "advisory-2"]

@@ -1,9 +1,10 @@
 import re
 from pathlib import Path
 
-from deconflict.settings.importers.heard_robots import NIL, HeardRobots, proposed_site
+from deconflict.settings.importers.heard_robots import HeardRobots, proposed_site
 from deconflict.settings.importers.site_questions import asked
 from deconflict.settings.site_file import site_from_toml
+from ingest.settings import NIL_DATUM
 
 NAME = "Hall \U0001f600 \x7f \x9b \u202e"
 HALL = "7d2b1c8e-3f64-4a95-9c1d-5e8f20a6b301"
@@ -59,6 +60,6 @@ def test_without_robots_the_named_vendors_are_in_the_file_and_a_floor_to_fill_in
     text = proposed_site(robots, answered)
     site = site_from_toml(text.encode(), Path("proposed.toml"))
     assert (site.name, [vendor.name for vendor in site.vendors]) == (NAME, ["Corvid", "Basalt"])
-    uncommented = re.sub(r"^# (\[\[|id|name)", r"\1", text, flags=re.MULTILINE).replace(NIL, HALL)
+    uncommented = re.sub(r"^# (\[\[|id|name)", r"\1", text, flags=re.MULTILINE).replace(NIL_DATUM, HALL)
     filled = site_from_toml(uncommented.encode(), Path("proposed.toml"))
     assert len(filled.datums) == 1

@@ -13,8 +13,8 @@ from deconflict.engine.engine import Engine
 from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes
-from deconflict.simulation.drills.drill_scripts import DRILLS, errand_group, set_up_drills
-from deconflict.simulation.drills.errands import STEP_S
+from deconflict.simulation.drills.drill_scripts import DRILLS, set_up_drills
+from deconflict.simulation.drills.errands import STEP_S, ErrandGroup
 from deconflict.simulation.drills.site_service import SERVICES, AdviceSource
 from deconflict.simulation.vendors.dialects import DIALECTS
 from ingest.measures.measures import Measures
@@ -30,7 +30,8 @@ HEEDED = [drill.name for drill in DRILLS if drill.heeds]
 def played(*, ignored: bool, source: AdviceSource = "advisories") -> dict[str, DrillOutcome]:
     """What comes of all drills at once, by name."""
     site, setups = set_up_drills(ignored=ignored)
-    everybody, outcomes = errand_group(setups), DrillOutcomes(DRILLS, setups)
+    everybody = ErrandGroup([errand for setup in setups for errand in setup.errands])
+    outcomes = DrillOutcomes(DRILLS, setups)
     fleet, engine = fleet_of(site, Measures()), Engine(site)
     service = SERVICES[source](everybody, PlaceGeometry(site.resources, site.zones), NOW_S)
     situations = SituationLifecycle(PlaceNames.of(site).describe)

@@ -13,8 +13,8 @@ ROUND = (Visit(5, 0), Visit(5, 5, "dock", 3.0), Visit(0, 5))
 QUARTER_S = pi / 2 / TURN_RADPS
 
 
-def errand(*, ignores_advice: bool = False) -> Errand:
-    return Errand(Participant(1, ALDER), (0.0, 0.0), ROUND, ignores_advice=ignores_advice)
+def errand() -> Errand:
+    return Errand(Participant(1, ALDER), (0.0, 0.0), ROUND)
 
 
 def run(party: ErrandGroup, seconds: float) -> None:
@@ -64,15 +64,6 @@ def test_a_robot_that_is_sent_elsewhere_stays_there_as_long() -> None:
     assert driven.comes_s("dock") is None
     run(ErrandGroup([driven]), 40.0)
     assert driven.late_s == pytest.approx(2.0 + (5**2 + 2**2) ** 0.5 - 5.0, abs=0.3)
-
-
-def test_a_deaf_robot_ignores_instructions() -> None:
-    driven = errand(ignores_advice=True)
-    driven.wait(5.0)
-    driven.go_instead(Visit(9, 9, "twin"))
-    driven.go([Visit(9, 9, "parking")])
-    run(ErrandGroup([driven]), 40.0)
-    assert driven.late_s == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_errand_predicts_when_its_front_enters_an_outline() -> None:

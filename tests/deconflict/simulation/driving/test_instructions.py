@@ -36,7 +36,7 @@ def test_a_robot_that_is_told_to_wait_stands_for_that_long_and_then_goes_on() ->
     run(world, 3.5)
     assert world.speed_mps[row] == 0.0
     stood_m = world.progress_m[row]
-    assert world.waited_s[row] == 0.0, "nobody blocks it"
+    assert world.waits.waited_s[row] == 0.0, "nobody blocks it"
     run(world, 3.0)
     assert world.progress_m[row] > stood_m + 0.5
 

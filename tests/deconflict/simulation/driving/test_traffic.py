@@ -161,7 +161,7 @@ def test_two_oncoming_robots_brake_before_they_touch() -> None:
     [(_, gap_m)] = near_pairs(simulated.envelopes(), simulated.floor, 1.2)
     assert gap_m > 0.4
     assert np.all(np.abs(simulated.speed_mps) < 0.05)
-    assert simulated.yields_to.tolist() == [1, 0]
+    assert simulated.braking.yields_to.tolist() == [1, 0]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

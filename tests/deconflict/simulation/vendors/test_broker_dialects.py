@@ -22,7 +22,7 @@ from deconflict.simulation.participants import VendorName, participants
 from deconflict.simulation.robot_state import RobotState, robot_states
 from deconflict.simulation.scripted_annex import split
 from deconflict.simulation.vendors.broker_sender import ON_BROKERS, BrokerSender
-from deconflict.simulation.vendors.senders import SimulatedFloor, simulate
+from deconflict.simulation.vendors.senders import RobotFloor, simulate, warehouse
 from deconflict.simulation.vendors.vda_dialect import TopicMessage
 from ingest.batch import Basis
 from ingest.fleet.fleet import Fleet
@@ -123,7 +123,8 @@ async def test_simulated_vendors_report_to_a_real_broker() -> None:
         await client.subscribe("#")
         url = f"ws://127.0.0.1:{free_ports(1)[0]}"
         on_broker = partial(BrokerSender, host="127.0.0.1", port=port)
-        simulating = asyncio.create_task(simulate(url, SimulatedFloor(8, 1), None, on_broker=on_broker, stop=stop))
+        floor = RobotFloor(*warehouse(8, 1))
+        simulating = asyncio.create_task(simulate(url, floor, None, on_broker=on_broker, stop=stop))
         async for message in client.messages:
             heard.add(message.topic.value.rpartition("/")[2])
             if heard >= {"factsheet", "state", "identity", "odometry"}:

@@ -16,7 +16,7 @@ from websockets.frames import Frame, Opcode
 from websockets.protocol import Event
 
 from deconflict.simulation.participants import VendorName
-from deconflict.simulation.vendors.senders import Sender, SimulatedFloor, call, simulate
+from deconflict.simulation.vendors.senders import RobotFloor, Sender, call, simulate, warehouse
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -71,7 +71,7 @@ async def test_all_four_vendors_report_and_are_counted() -> None:
     service, stop = Service(), asyncio.Event()
     async with serve(service.take, "127.0.0.1", 0) as server:
         running = asyncio.create_task(
-            simulate(f"ws://127.0.0.1:{port_of(server)}", SimulatedFloor(8, 1), None, speed=5.0, stop=stop)
+            simulate(f"ws://127.0.0.1:{port_of(server)}", RobotFloor(*warehouse(8, 1)), None, speed=5.0, stop=stop)
         )
         await service.until(lambda: service.vendors == set(VendorName))
         await service.until(lambda: sum(map(len, service.messages.values())) > 100)
@@ -88,7 +88,7 @@ async def test_the_simulation_ends_after_the_given_seconds() -> None:
     service = Service()
     async with serve(service.take, "127.0.0.1", 0) as server, asyncio.timeout(PATIENCE_S):
         url = f"ws://127.0.0.1:{port_of(server)}"
-        sent = await simulate(url, SimulatedFloor(4, 1), 20.0, speed=10.0, stop=asyncio.Event())
+        sent = await simulate(url, RobotFloor(*warehouse(4, 1)), 20.0, speed=10.0, stop=asyncio.Event())
         await until(lambda: all(connection.close_code == 1000 for connection in service.connections))
     assert 10 <= sent[VendorName.ALDER] <= 21
     assert sent[VendorName.WALKERS] <= 12
@@ -170,7 +170,7 @@ async def test_the_service_can_connect_to_basalts_fleet_manager(unused_tcp_port:
     service, stop = Service(), asyncio.Event()
     async with serve(service.take, "127.0.0.1", 0) as server:
         url = f"ws://127.0.0.1:{port_of(server)}"
-        work = simulate(url, SimulatedFloor(8, 1), None, speed=5.0, fleet_port=unused_tcp_port, stop=stop)
+        work = simulate(url, RobotFloor(*warehouse(8, 1)), None, speed=5.0, fleet_port=unused_tcp_port, stop=stop)
         async with background(work) as running:
             await service.until(lambda: len(service.vendors) == 3)
             async with asyncio.timeout(PATIENCE_S), connect(f"ws://127.0.0.1:{unused_tcp_port}") as dialled:

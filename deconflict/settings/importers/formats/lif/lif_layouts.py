@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from math import dist, isfinite
 from statistics import median
-from typing import Any
 
 import shapely
 
 from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way
-from deconflict.settings.importers.formats.lif.lif_edges import LifEdges, properties
+from deconflict.settings.importers.formats.lif.lif_edges import LifEdges, Table, properties
 from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import ImportedPlan, Node, PlanError, Spot, UnusedParts, unused
 
-Table = Mapping[str, Any]
 VERSIONS = ("0", "1", "2")
 SAME_SPOT_M = 0.01
 LONGEST_USUAL_M = 500.0

@@ -5,7 +5,6 @@ Follows the plant model's schema of releases 4 to 7: positions are `positionX` o
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 from deconflict.settings.importers.formats.directed_ways import PlanGraph
@@ -78,25 +77,19 @@ def _envelopes(model: Element) -> Iterator[UnusedParts]:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Location:
-    name: str
-    use: Use
-
-
 class PlantLocations:
     """The locations, each at the points from which vehicles reach it."""
 
     def __init__(self, model: Element) -> None:
-        self._at: dict[str, _Location] = {}
-        """By point."""
+        self._at: dict[str, tuple[str, Use]] = {}
+        """By point, the name of its location and the location's use."""
         self._unlinked = self._shared = 0
         kinds = {kind.get("name", ""): kind for kind in model.findall("locationType")}
         for location in model.findall("location"):
             kind, links = kinds.get(location.get("type", "")), location.findall("link")
             self._unlinked += not links
             for link in links:
-                found = _Location(location.attrib["name"], _use(location, link, kind))
+                found = location.attrib["name"], _use(location, link, kind)
                 self._shared += self._at.setdefault(link.attrib["point"], found) is not found
 
     def left_out(self) -> Iterator[UnusedParts]:
@@ -107,7 +100,7 @@ class PlantLocations:
         name = point.attrib["name"]
         at = (_metres(point, "positionX", "xPosition"), _metres(point, "positionY", "yPosition"))
         if location := self._at.get(name):
-            return Node(name, at, location.name, location.use)
+            return Node(name, at, *location)
         return Node(name, at, name, "parking" if point.get("type") == "PARK_POSITION" else None)
 
 

@@ -221,8 +221,8 @@ def test_a_file_that_is_removed_while_it_is_in_use_is_begun_anew(data: Path, com
 def test_a_file_that_is_damaged_beyond_repair_leaves_memory(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a disk that spoils all that it is given."""
     store = OptionalStore(data)
-    store._connections._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    monkeypatch.setattr(store._connections, "_renewed_s", time.monotonic())
+    store.connections._file.writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    monkeypatch.setattr(store.connections, "_renewed_s", time.monotonic())
     damage(data / FILE_NAME, page(1))
     for path in data.glob("*-wal"):
         path.write_bytes(b"")

@@ -113,21 +113,21 @@ def test_numbers_after_a_lost_file_begin_a_new_epoch_and_it_is_said(data: Path, 
         (data / FILE_NAME).touch()
     for _ in range(2):
         with closing(OptionalStore(data)) as store:
-            assert store.renewal is not None or store.last_seq() > before
+            assert store.connections.renewal is not None or store.last_seq() > before
             (new,) = store.append([made(9)])
             assert new.seq > before > reserved
             assert store.page_after(3, EVERY_KIND, 10).removed > 3, "its subscriber is to read again"
-    assert store.renewal is None, "the next start has a file"
+    assert store.connections.renewal is None, "the next start has a file"
     assert new.seq < epoch(time.time()), "and begins no epoch of its own"
 
 
 def test_a_lost_file_is_called_lost_and_a_new_directory_is_not(data: Path, tmp_path: Path) -> None:
     (data / FILE_NAME).unlink()
     with closing(OptionalStore(data)) as store:
-        assert "was gone at the start" in str(store.renewal)
-        assert "a new epoch" in str(store.renewal)
+        assert "was gone at the start" in str(store.connections.renewal)
+        assert "a new epoch" in str(store.connections.renewal)
     with closing(OptionalStore(tmp_path / "new")) as store:
-        assert store.renewal is None
+        assert store.connections.renewal is None
 
 
 async def test_a_note_of_an_older_release_is_written_whole(data: Path) -> None:
@@ -156,7 +156,7 @@ def test_a_kill_while_much_is_handed_over_gives_no_number_twice(data: Path) -> N
     with locked(data / FILE_NAME):
         store = OptionalStore(data)
         given = store.append([made(number) for number in range(10, 10 + STEP + 5)])
-    file = store._connections.opened_again()
+    file = store.connections.opened_again()
     assert file
     left = as_killed(data)
     file.close()
