@@ -3,7 +3,8 @@
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, cast
+from types import NoneType, UnionType
+from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 from pydantic_core import from_json
@@ -11,7 +12,6 @@ from pydantic_core import from_json
 from ingest.languages import timestamps
 from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
-from ingest.languages.tolerance.null_free import null_free
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
 
@@ -64,6 +64,11 @@ def decoded(
             if not lacks_key(message):
                 return message, False
     return _repaired(model, raw, findings, names), True
+
+
+def lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a required key is absent."""
+    return None in required(message)
 
 
 def document(raw: bytes) -> dict[str, Any]:
@@ -127,7 +132,28 @@ class _Anything(msgspec.Struct):
 
 @cache
 def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
-    return msgspec.json.Decoder(null_free(model))
+    return msgspec.json.Decoder(_null_free(model))
+
+
+@cache
+def _null_free(struct: type[msgspec.Struct]) -> type[msgspec.Struct]:
+    """A kind of `struct` whose keys may be absent as before, but not null: such a message is read value by value."""
+    fields: list[Any] = []
+    for field in msgspec.structs.fields(struct):
+        kind = _without_null(field.type)
+        fields.append((field.name, kind) if field.required else (field.name, kind, field.default))
+    return msgspec.defstruct(struct.__name__, fields, bases=(struct,), frozen=True, gc=False, kw_only=True)
+
+
+def _without_null(annotation: Any) -> Any:
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        return _without_null(next(each for each in arguments if each is not NoneType))
+    if origin is list:
+        return list[_without_null(arguments[0])]  # type: ignore[misc]
+    if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
+        return _null_free(annotation)
+    return annotation
 
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_key
 from ingest.languages.tolerance.value_reader import LEFT_OUT
 from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
 
@@ -53,19 +53,14 @@ def read_message(kind: str, raw: bytes, findings: Findings, *, is_first: bool) -
     return message
 
 
-def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
-    """Whether a required key is absent."""
-    return None in required(message)
-
-
 def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:
     """Whether a key is absent that is required or, of a pose, used."""
     position = message.mobile_robot_position or message.agv_position
-    return position is None or position.map_id is None or position.theta is None or None in required(message)
+    return position is None or position.map_id is None or position.theta is None or lacks_key(required, message)
 
 
 _LACKS_KEY = {
-    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else _lacks_key, attrgetter(*keys))
+    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else lacks_key, attrgetter(*keys))
     for kind, keys in REQUIRED.items()
 }
 """By kind, whether a message is to be read anew, since a key may be there in another spelling."""
