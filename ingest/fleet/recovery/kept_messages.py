@@ -130,7 +130,7 @@ class KeptMessages:
 
     def _settled(self, row: Row, now_s: float) -> Received:
         vendor = None if row.topic else row.vendor
-        settled = vendor and self._fleet.vendors.settled_name(vendor, was_configured=True)
+        settled = vendor and self._fleet.owners.vendors.settled_name(vendor, was_configured=True)
         arrival_s = min(row.arrival_s, now_s) if row.kind == IDENTITY else row.arrival_s
         return _received(row._replace(arrival_s=arrival_s, vendor=settled))
 
