@@ -135,7 +135,7 @@ class KeptMessages:
         return _received(row._replace(arrival_s=arrival_s, vendor=settled))
 
     async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
-        """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""
+        """Write every change soon, until cancelled. `leaving_before_s` is that of the files of the recorder."""
         wait_s = WRITE_EVERY_S
         while True:
             await asyncio.sleep(wait_s)

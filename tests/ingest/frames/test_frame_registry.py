@@ -109,9 +109,9 @@ def test_an_unknown_heading_stays_unknown_in_every_frame() -> None:
 def test_a_frame_is_mirrored_where_turns_go_the_other_way(count: int, mirrored: bool) -> None:
     readings = HALL[:count] * (1.0, -1.0 if mirrored else 1.0)
     found = frames(own_map(readings, mirrored=mirrored))
-    for datum, here in (("own", tuple(readings[1])), ("hall", (1.0, 2.0)), ("yard", HOME), ("elsewhere", (1.0, 2.0))):
+    for datum, (x, y) in (("own", tuple(readings[1])), ("hall", (1.0, 2.0)), ("yard", HOME), ("elsewhere", (1.0, 2.0))):
         frame = found.frame("acme", datum)
-        (_, _, before), (_, _, after) = frame.pose(*here, 0.3), frame.pose(*here, 0.4)
+        (_, _, before), (_, _, after) = frame.pose(x, y, 0.3), frame.pose(x, y, 0.4)
         assert frame.mirrored == (turn_between(before, after) < 0) == (mirrored if datum == "own" else datum == "yard")
 
 
