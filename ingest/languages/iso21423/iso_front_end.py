@@ -45,8 +45,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_key, stamp_of, time_of
-from ingest.languages.tolerance.value_reader import LEFT_OUT
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_required, stamp_of, time_of
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
@@ -154,11 +153,8 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
 
 def _decoded(resource: str, raw: bytes, findings: Findings, *, is_first: bool) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES, is_first=is_first)
-    for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
-        if getattr(message, key) is None:
-            findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
-    return message
+    keys = _LACKS_KEY[resource], _REQUIRED[resource]
+    return decoded(RESOURCES[resource], raw, findings, *keys, NAMES, is_first=is_first)
 
 
 def _lacks_key_of_pose(message: OdometryMessage) -> bool:
@@ -169,8 +165,10 @@ def _lacks_key_of_pose(message: OdometryMessage) -> bool:
     return pose.location_point.ccs_id is None or pose.orientation is None or pose.orientation.yaw is None
 
 
+_REQUIRED = {resource: [(key, KEYS.get(key, key)) for key in REQUIRED.get(resource, ())] for resource in RESOURCES}
+"""By resource, the required keys as attributes and as spelt in messages."""
 _LACKS_KEY: dict[str, Callable[[Any], bool]] = {
-    resource: partial(lacks_key, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
+    resource: partial(lacks_required, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
     for resource in RESOURCES
 } | {"odometry": _lacks_key_of_pose}
 """By resource, whether a message is to be read anew, since a key may be there in another spelling."""

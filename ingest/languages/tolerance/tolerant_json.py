@@ -1,7 +1,7 @@
 """From the bytes of a message to a model of it, as far as its meaning is clear. Languages of brokers share it."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin
@@ -13,7 +13,7 @@ from ingest.languages import timestamps
 from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.tolerance.value_kinds import object_kind
-from ingest.languages.tolerance.value_reader import ValueReader
+from ingest.languages.tolerance.value_reader import LEFT_OUT, ValueReader
 
 _HALF_LETTER = re.compile(rb"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
 """One of the two halves by which JSON writes some letters. Senders cut texts between them."""
@@ -45,11 +45,12 @@ def decoded(
     raw: bytes,
     findings: Findings,
     lacks_key: Callable[[Any], bool],
+    required: Iterable[tuple[str, str]],
     names: KnownNames,
     *,
     is_first: bool,
-) -> tuple[Model, bool]:
-    """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
+) -> Model:
+    """The message as a model whose keys are all optional. `required` keys are attributes with their spelling.
 
     A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
     the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
@@ -62,11 +63,15 @@ def decoded(
             pass
         else:
             if not lacks_key(message):
-                return message, False
-    return _repaired(model, raw, findings, names), True
+                return message
+    message = _repaired(model, raw, findings, names)
+    for key, spelling in required:
+        if getattr(message, key) is None:
+            findings.note("key-absent", spelling, None, LEFT_OUT)
+    return message
 
 
-def lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
+def lacks_required(required: Callable[[Any], Any], message: Any) -> bool:
     """Whether a required key is absent."""
     return None in required(message)
 
