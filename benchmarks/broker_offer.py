@@ -11,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from aiomqtt import Client
@@ -94,16 +95,11 @@ async def _send(robots: int, seconds: float, languages: list[str]) -> None:
                     paho.publish(topic, raw)
 
 
-class BrokerLoad:
+def start(robots: int, seconds: float, languages: list[str]) -> BaseProcess:
     """The load, in its own process."""
-
-    def __init__(self, robots: int, seconds: float, languages: list[str]) -> None:
-        self._process = multiprocessing.get_context("spawn").Process(target=send, args=(robots, seconds, languages))
-        self._process.start()
-
-    def join(self) -> None:
-        """Wait for its end."""
-        self._process.join()
+    process = multiprocessing.get_context("spawn").Process(target=send, args=(robots, seconds, languages))
+    process.start()
+    return process
 
 
 @contextmanager

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import broker_offer, offer
-from benchmarks.broker_offer import BrokerLoad
 from deconflict.roles.processes.supervisor import Supervisor
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.rpc import Caller, LinkDownError
@@ -156,7 +155,7 @@ def service(
 
     `changes` replaces sections of the site.
     """
-    stop, (robots_port, operator_port) = threading.Event(), _free_ports()
+    stop, (robots_port, operator_port) = threading.Event(), free_ports(2)
     with tempfile.TemporaryDirectory(prefix="benchmark-") as own, runtime_directory() as runtime:
         data = data_directory or own
         site = benchmark_site(robots_port, operator_port, docks_for).model_copy(update=changes or {})
@@ -215,7 +214,7 @@ def measured(
         service(robots if docks else 0, None, changes) as running,
     ):
         load = Load(running.url, at_sockets, settle_s + seconds, load_core, docks=docks) if at_sockets else None
-        others = BrokerLoad(robots - at_sockets, settle_s + seconds, at_broker) if at_broker else None
+        others = broker_offer.start(robots - at_sockets, settle_s + seconds, at_broker) if at_broker else None
         time.sleep(settle_s)
         running.row(robots)
         time.sleep(seconds - 1)
@@ -284,9 +283,13 @@ def benchmark_site(robots_port: int, operator_port: int, docks_for: int = 0) -> 
     )
 
 
-def _free_ports() -> tuple[int, int]:
-    with socket.create_server(("127.0.0.1", 0)) as first, socket.create_server(("127.0.0.1", 0)) as second:
-        return first.getsockname()[1], second.getsockname()[1]
+def free_ports(count: int) -> list[int]:
+    """Ports of this machine on which nobody listens."""
+    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
+    ports = [int(each.getsockname()[1]) for each in sockets]
+    for each in sockets:
+        each.close()
+    return ports
 
 
 def _wait_for_processes(supervisor: Supervisor) -> None:

@@ -166,11 +166,6 @@ def _part(outline_m: Any, radius_m: float, bottom_m: float | None, top_m: float 
     return ShapePart(tuple((x, y) for x, y in outline_m), radius_m, *heights_m)
 
 
-def outline_fault(corners_m: Sequence[Corner]) -> str | None:
-    """What is wrong with the corners of a polygon; None if nothing is. `ingest/sizes` judges its size."""
-    return _form_fault(corners_m, SMALLEST_M2)
-
-
 def is_sound(shape: Shape) -> bool:
     """Whether a robot of this shape can be swept. The size does not matter: a load may be large."""
     return _are_sound(shape.parts) and (not shape.trailers or _is_sound_train(shape))
@@ -189,7 +184,7 @@ def _is_sound_part(part: ShapePart) -> bool:
         return False
     if part.radius_m:
         return 0.0 < part.radius_m < inf and len(part.outline_m) == 1
-    return not _form_fault(part.outline_m, SMALLEST_SWEPT_M2)
+    return not outline_fault(part.outline_m, SMALLEST_SWEPT_M2)
 
 
 def _is_sound_train(shape: Shape) -> bool:
@@ -199,7 +194,8 @@ def _is_sound_train(shape: Shape) -> bool:
     return all(map(isfinite, shape.axle_m))
 
 
-def _form_fault(corners_m: Sequence[Corner], smallest_m2: float) -> str | None:
+def outline_fault(corners_m: Sequence[Corner], smallest_m2: float = SMALLEST_M2) -> str | None:
+    """What is wrong with the corners of a polygon; None if nothing is. `ingest/sizes` judges its size."""
     if not 3 <= len(corners_m) <= MOST_CORNERS:
         return f"expected 3 to {MOST_CORNERS} corners, not {len(corners_m)}"
     sides = list(zip(corners_m, [*corners_m[1:], corners_m[0]], strict=True))

@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import trustme
 
+from benchmarks.endtoend import free_ports
 from deconflict.roles.processes.role_process import MEMORY
 
 FILES = Path(__file__).parents[2] / "deploy" / "cluster"
@@ -31,14 +31,6 @@ def program(name: str) -> str:
     if found is None:
         raise SystemExit(f"install {name}: the drill needs it")
     return found
-
-
-def free_ports(count: int) -> list[int]:
-    sockets = [socket.create_server((HOST, 0)) for _ in range(count)]
-    ports = [int(each.getsockname()[1]) for each in sockets]
-    for each in sockets:
-        each.close()
-    return ports
 
 
 class DrilledMachines:

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from functools import cache
 from math import cos, hypot, sin
 from typing import Literal, NamedTuple, Self
 from uuid import NAMESPACE_DNS, uuid5
 
 import numpy as np
 
+from benchmarks.planned_floors.logs.messages import stamp
 from ingest.batch import Floats
 
 START_S = 1_790_000_000
@@ -153,7 +152,7 @@ def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterat
     if not len(reports_s):
         return
     sizes = robot.length_m, robot.width_m
-    identity = _IDENTITY % (uuid, _stamp(start_s + reports_s[0]), robot.maker, robot.name, *sizes)
+    identity = _IDENTITY % (uuid, stamp(start_s + reports_s[0]), robot.maker, robot.name, *sizes)
     yield Sent(float(reports_s[0]), number, identity.encode())
     poses = robot.forecasts(reports_s)
     rows = zip(reports_s.tolist(), *(column.tolist() for column in poses), strict=True)
@@ -165,25 +164,15 @@ def _messages(number: int, robot: Robot, seconds: float, start_s: int) -> Iterat
             path, state = _bound(start_s + t_s, x_m[0], y_m[0]), "navigating"
         elif robot.says in ("path", "straight", "waits") and (speeds[0] > 0 or x_m[0] != x_m[-1] or y_m[0] != y_m[-1]):
             points = (
-                _POINT % (_stamp(start_s + t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
+                _POINT % (stamp(start_s + t_s + k), x_m[k], y_m[k], sin(yaw_rad[k] / 2), cos(yaw_rad[k] / 2), HALL)
                 for k in range(1, PATH_S + 1)
             )
             path, state = f',"path":[{",".join(points)}]', "navigating"
         here = x_m[0], y_m[0], sin(yaw_rad[0] / 2), cos(yaw_rad[0] / 2)
-        yield Sent(t_s, number, (_STATUS % (uuid, _stamp(start_s + t_s), state, *here, HALL, speeds[0], path)).encode())
+        yield Sent(t_s, number, (_STATUS % (uuid, stamp(start_s + t_s), state, *here, HALL, speeds[0], path)).encode())
 
 
 def _bound(now_s: float, x_m: float, y_m: float) -> str:
     """The destination of a robot that goes to the dock."""
     arrives_s = now_s + hypot(DOCK_M[0] - x_m, DOCK_M[1] - y_m) / WAITS_MPS
-    return f',"destinations":[{_POINT % (_stamp(arrives_s), *DOCK_M, 0.0, 1.0, HALL)}]'
-
-
-def _stamp(epoch_s: float) -> str:
-    second, millisecond = divmod(round(epoch_s * 1000), 1000)
-    return f"{_second(second)}.{millisecond:03}Z"
-
-
-@cache
-def _second(epoch_s: int) -> str:
-    return datetime.fromtimestamp(epoch_s, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    return f',"destinations":[{_POINT % (stamp(arrives_s), *DOCK_M, 0.0, 1.0, HALL)}]'

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
+from benchmarks.endtoend import free_ports
 from deconflict_client.situations import POSITION_LOST
 from tests.helpers.saying import HALL, angle, identity, points, robot, status
 
@@ -31,10 +31,7 @@ class DrilledService:
 
     def __init__(self, data: Path) -> None:
         self._data, self._meetings, self._own = data, count(1), uuid4().hex[:6]
-        sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
-        self._robots_port, self._face_port = (each.getsockname()[1] for each in sockets)
-        for each in sockets:
-            each.close()
+        self._robots_port, self._face_port = free_ports(2)
         self._http = httpx.AsyncClient(base_url=f"http://127.0.0.1:{self._face_port}", timeout=20.0, trust_env=False)
         self.revisions: list[dict[str, Any]] = []
         """As the subscriber received them."""

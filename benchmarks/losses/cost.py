@@ -64,10 +64,7 @@ def main() -> None:
     post, fleet, engine = Post(), fast_fleet_of(site, Measures()), Engine(site)
     passes, lost_s = 0, 0.0
     while floor.world.t_s < args.seconds:
-        for message in floor.step():
-            post.put(*message)
-        for arrival_s, raw, connection in post.arrived(floor.now_s):
-            fleet.receive(raw, arrival_s, connection)
+        post.carry(floor, fleet)
         engine.receive(fleet.next_batch(floor.now_s, passes == 0))
         engine.step(floor.now_s)
         passes += 1

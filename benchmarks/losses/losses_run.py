@@ -44,11 +44,8 @@ def batches_of(floor: Floor, truth: TrueLosses, seconds: float, without_paths: f
     post, fleet, is_first = Post(), fast_fleet_of(load(demo_site()), Measures()), True
     silenced = {member.uuid for row, member in enumerate(floor.members) if row * SPREAD % 1 < without_paths}
     while floor.world.t_s < seconds:
-        for arrival_s, raw, connection in floor.step():
-            post.put(arrival_s, _without_path(raw, silenced), connection)
+        post.carry(floor, fleet, lambda raw: _without_path(raw, silenced))
         truth.update(STEP_S)
-        for arrival_s, raw, connection in post.arrived(floor.now_s):
-            fleet.receive(raw, arrival_s, connection)
         yield fleet.next_batch(floor.now_s, is_first)
         is_first = False
 

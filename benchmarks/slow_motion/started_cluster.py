@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import offer
-from benchmarks.endtoend import Usage, usage
+from benchmarks.endtoend import Usage, free_ports, usage
 from deconflict.roles.processes.role_process import MEMORY
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import SITE_FILE
@@ -21,11 +20,6 @@ from ingest.settings import Datum, Vendor
 SERVER = shutil.which("nats-server", path=os.environ.get("PATH", "") + os.pathsep + "/usr/sbin")
 """None if it is not installed."""
 END_WITHIN_S = 60.0
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
 
 
 @dataclass
@@ -51,7 +45,7 @@ class StartedCluster:
     """By floor, the port for its robots."""
 
     def __post_init__(self) -> None:
-        port, monitor_port, face_port = free_port(), free_port(), free_port()
+        port, monitor_port, face_port = free_ports(3)
         self.cluster = Cluster(nats=(f"nats://127.0.0.1:{port}",))
         self.monitor, self.face = (f"http://127.0.0.1:{each}" for each in (monitor_port, face_port))
         server = [str(SERVER), "-a", "127.0.0.1", "-p", str(port), "-m", str(monitor_port), "-js"]
@@ -73,7 +67,7 @@ class StartedCluster:
 
     def start_ingests(self) -> None:
         for floor in range(len(self.floors)):
-            self._robots_ports.append(free_port())
+            self._robots_ports += free_ports(1)
             self._start_machine(f"ingest-{floor}", self.site(self._robots_ports[-1]), "receiver", "feed")
 
     def start_loads(self) -> None:

@@ -1,7 +1,7 @@
 """The demo's floor with a simulated clock: the messages of its robots, and what truly happens to them."""
 
 from bisect import insort
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from deconflict.simulation.vendors.iso_dialect import IsoRobot
 from deconflict.simulation.vendors.senders import OWN_PATH
 from deconflict.simulation.vendors.vda_dialect import VdaRobot
 from ingest.batch import Floats, Ints
+from ingest.fleet.fleet import Fleet
 from ingest.port.connection import Connection
 
 STEP_S = 0.1
@@ -145,6 +146,13 @@ class Post:
     def put(self, arrival_s: float, raw: bytes, connection: Connection) -> None:
         self._sent += 1
         insort(self._on_way, (arrival_s, self._sent, raw, connection), key=lambda message: message[:2])
+
+    def carry(self, floor: Floor, fleet: Fleet, changed: Callable[[bytes], bytes] = lambda raw: raw) -> None:
+        """Advance a floor by one step, and have a fleet receive what arrives until then. Each message is `changed`."""
+        for arrival_s, raw, connection in floor.step():
+            self.put(arrival_s, changed(raw), connection)
+        for arrival_s, raw, connection in self.arrived(floor.now_s):
+            fleet.receive(raw, arrival_s, connection)
 
     def arrived(self, now_s: float) -> Iterator[tuple[float, bytes, Connection]]:
         while self._on_way and self._on_way[0][0] <= now_s:

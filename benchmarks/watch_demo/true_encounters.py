@@ -7,7 +7,6 @@ import numpy as np
 import shapely
 
 from deconflict.contention.robots.lookahead import corners
-from deconflict.simulation.driving.traffic import World
 from ingest.batch import Floats, Ints
 
 SAME_ENCOUNTER_S = 1.0
@@ -26,24 +25,6 @@ class TrueEncounter:
     """Smallest separation; 0 if they overlapped."""
     ended: bool = False
     """Whether they separated before the end of the span."""
-
-
-def true_encounters(world: World, seconds: float, clearance_m: float, dt_s: float = 0.1) -> list[TrueEncounter]:
-    """Advance the world by `seconds`. Returns all encounters of any two robots, by start."""
-    found: list[TrueEncounter] = []
-    open_now: dict[tuple[int, int], TrueEncounter] = {}
-    for _ in range(round(seconds / dt_s)):
-        world.step(dt_s)
-        for pair, separation_m in near_pairs(world.envelopes(), world.floor, clearance_m):
-            encounter = open_now.get(pair)
-            if encounter is None:
-                encounter = open_now[pair] = TrueEncounter(pair, world.t_s, world.t_s, separation_m)
-                found.append(encounter)
-            encounter.last_s = world.t_s
-            encounter.separation_m = min(encounter.separation_m, separation_m)
-        for pair in [pair for pair, encounter in open_now.items() if world.t_s - encounter.last_s > SAME_ENCOUNTER_S]:
-            open_now.pop(pair).ended = True
-    return found
 
 
 def near_pairs(envelopes: Floats, floors: Ints, clearance_m: float) -> Iterator[tuple[tuple[int, int], float]]:

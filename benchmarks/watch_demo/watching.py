@@ -82,11 +82,8 @@ class Watch:
 
     def step(self) -> None:
         """One step of the world, which is one tick of the service."""
-        for sent in self.floor.step():
-            self._post.put(*sent)
+        self._post.carry(self.floor, self._fleet)
         now_s = self.floor.now_s
-        for arrival_s, raw, connection in self._post.arrived(now_s):
-            self._fleet.receive(raw, arrival_s, connection)
         batch = self._fleet.next_batch(now_s, self._everything)
         self._engine.receive(batch)
         self._everything = False

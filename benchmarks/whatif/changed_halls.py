@@ -94,10 +94,7 @@ def recorded_hall(robots: int, seed: int, seconds: float) -> RecordedFloor:
     floor, post, site = Floor(robots, seed, START_S, Conflict().clearance_m), Post(), load(demo_site())
     fleet, reader, is_first = fast_fleet_of(site, Measures()), TrackReader(site), True
     while floor.world.t_s < seconds:
-        for message in floor.step():
-            post.put(*message)
-        for arrival_s, raw, connection in post.arrived(floor.now_s):
-            fleet.receive(raw, arrival_s, connection)
+        post.carry(floor, fleet)
         reader.add(fleet.next_batch(floor.now_s, is_first))
         is_first = False
     return reader.floor()

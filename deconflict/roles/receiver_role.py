@@ -127,7 +127,7 @@ class ReceiverRole:
         await self._open_port()
         self._dial()
         self._hear_brokers()
-        keeping = self._kept.keep(lambda: self.recorder.leaving_before_s, self._now_s)
+        keeping = self._kept.keep(lambda: self.recorder.files.leaving_before_s, self._now_s)
         running = self._reload(), self._owners.keep(), keeping, self._canary.run()
         loops = [asyncio.create_task(loop) for loop in running]
         try:
@@ -141,7 +141,7 @@ class ReceiverRole:
             await asyncio.gather(*tasks, return_exceptions=True)
             await self.receiver.close()
             self._owners.write()
-            self._kept.write(self.recorder.leaving_before_s, self._now_s())
+            self._kept.write(self.recorder.files.leaving_before_s, self._now_s())
             self.recorder.close()
 
     async def _open_port(self) -> None:
@@ -168,7 +168,7 @@ class ReceiverRole:
         self.recorder.received(b"", arrival_s, connection, rule)
 
     def _closed(self, connection: Connection) -> None:
-        self.fleet.connection_closed(connection)
+        self.fleet.owners.connection_closed(connection)
         self.recorder.closed(connection, self._now_s())
 
     async def _reload(self) -> None:
@@ -202,7 +202,7 @@ class ReceiverRole:
             self._dialers[new] = asyncio.create_task(self._dialer(*new).run())
 
     def _hear_brokers(self, again: bool = False) -> None:
-        vendors = self.fleet.vendors
+        vendors = self.fleet.owners.vendors
         self._brokers.use(self.site.mqtt_sources, (vendors.of_manufacturer, vendors.configured), again)
 
     def _dialer(self, url: str, vendor: str) -> Dialer:
@@ -224,14 +224,14 @@ class ReceiverRole:
         now_s = await self._ticks.next_s()
         if everything:
             self.recorder.engine_started(now_s)
-        was_behind = self.recorder.behind
+        was_behind = self.recorder.writer.waiting
         self.recorder.tick(now_s, effort, pending, followed)
         self.measures.count("deconflict_ticks_total")
         self._ask_for_fast_path()
         batch = self.fleet.next_batch(now_s, everything).to_bytes()
         self._robot_calls.record_returned()
         self._recent.add(now_s, batch)
-        if not was_behind and self.recorder.behind:
+        if not was_behind and self.recorder.writer.waiting:
             await asyncio.to_thread(self.recorder.sync, DISK_TIMEOUT_S)
         return packed(batch, self._canary.take()) if with_canary else batch
 
@@ -325,7 +325,8 @@ class ReceiverRole:
             fleet_report.measure(self.fleet, now_s)
         self.measures.level("deconflict_host_clock_off_seconds", {(): self._clock.off_s})
         self.measures.level("deconflict_recording_failing", {(): float(bool(self.recorder.failing))})
-        self.measures.level("deconflict_recording_packing_failing", {(): float(bool(self.recorder.packing_failing))})
+        packing_failing = self.recorder.files.packer.failing
+        self.measures.level("deconflict_recording_packing_failing", {(): float(bool(packing_failing))})
         return json.dumps([self.measures.as_document()]).encode()
 
     def _now_s(self) -> float:

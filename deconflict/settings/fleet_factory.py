@@ -38,7 +38,7 @@ def load_fast_path() -> FastPath[Any] | None:
     Loading takes half a second, and more if numba has to compile.
     """
     try:
-        from ingest.fast_path.loader import load  # noqa: PLC0415 - loads numba
+        from ingest.fast_path.repeat_status import load  # noqa: PLC0415 - loads numba
     except ModuleNotFoundError:
         return None
     return load()

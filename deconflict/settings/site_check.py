@@ -285,9 +285,8 @@ def _example_lines(report: MapReport) -> Iterator[str]:
     vendor = Vendor(name=report.vendor, maps=(report.map,))
     frame = FrameRegistry([report.datum], [vendor]).frame(report.vendor, report.map.datum)
     x, y = np.mean(list(report.map.readings.values()), axis=0).tolist()
-    poses = [(0.0, 0.0, 0.0), (x, y, 0.0)]
-    for what, sent, placed in zip(("its origin", "a robot"), poses, frame.placed(poses), strict=True):
-        yield f"  {what} at {_pose(sent)} on the map is at {_pose(placed)} on the floor"
+    for what, sent in (("its origin", (0.0, 0.0, 0.0)), ("a robot", (x, y, 0.0))):
+        yield f"  {what} at {_pose(sent)} on the map is at {_pose(frame.pose(*sent))} on the floor"
 
 
 def _pose(pose: Pose) -> str:

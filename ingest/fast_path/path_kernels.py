@@ -47,7 +47,7 @@ LIMITS = np.dtype(
         ("regular_s", np.float64),  # `plausibility.REGULAR_S`
         ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
         ("observable_s", np.float64),  # `plausibility.OBSERVABLE_S`
-        ("stands_mps", np.float64),  # `plausibility.STANDS_MPS`
+        ("stands_mps", np.float64),  # `assumed_motion.MOVING_MPS`
         ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
         ("drives_mps", np.float64),  # `assumed_motion.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`

@@ -3,6 +3,8 @@
 One kernel does what `ingest/fleet/placement.py` does in many steps for any status. It needs a status with the
 connection, texts and load of the last one, and a motion that needs no correction. What stays the same then is prepared
 once, in a `RepeatReader`. The fleet reads any other status in full.
+
+To import this imports numba, which takes 0.5 s and 60 MB, and compiles kernels that are not on disk.
 """
 
 from dataclasses import dataclass
@@ -13,7 +15,8 @@ import numpy as np
 from ingest.batch import Basis, Floats
 from ingest.fast_path.path_kernels import NO_TRANSFORM, forecast_repeat
 from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
-from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts
+from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts, scan
+from ingest.fleet.fast_path_types import FastPath
 from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
@@ -23,7 +26,7 @@ from ingest.fleet.prediction.pace import TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
-from ingest.frames.assumed_motion import DRIVES_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
@@ -115,6 +118,11 @@ class RepeatReader:
         return tuple(findings)
 
 
+def load() -> FastPath[ScannedStatus]:
+    """The functions for `Fleet.use`."""
+    return FastPath(scan, repeat_reader)
+
+
 def repeat_reader(
     robot: Robot, scanned: ScannedStatus, connection: Connection, names_as_uuid: str | None
 ) -> RepeatReader | None:
@@ -173,7 +181,7 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         plausibility.REGULAR_S,
         plausibility.COMPARABLE_S,
         plausibility.OBSERVABLE_S,
-        plausibility.STANDS_MPS,
+        MOVING_MPS,
         TURNS_RADPS,
         DRIVES_MPS,
         plausibility.MOVED_M,

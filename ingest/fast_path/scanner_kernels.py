@@ -20,9 +20,8 @@ from numba import types
 
 from ingest.batch import Floats, Ints
 from ingest.kernels import inner, kernel
-from ingest.languages.massrobotics.amounts import MAX_SPEED_MPS
-from ingest.languages.massrobotics.path_points import MAX_POSITION
 from ingest.languages.massrobotics.vocabulary import MAX_WORD
+from ingest.languages.model import MAX_POSITION, MAX_SPEED_MPS
 from ingest.languages.timestamps import LATEST_S
 
 LEAST_POINT_LENGTH = 64

@@ -73,10 +73,6 @@ class Fleet:
         """Read plain messages with compiled code from now on. The results stay the same."""
         self._repeat_readers = RepeatReaders(fast_path, self.owners.names_as_uuid)
 
-    @property
-    def vendors(self) -> VendorRegistry:
-        return self.owners.vendors
-
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Process one message. Returns the code of the rule that rejects it; None if it is accepted."""
         readers, scanned = self._repeat_readers, None
@@ -274,10 +270,6 @@ class Fleet:
         if robot and not self.owners.other_owner(uuid, robot, connection.vendor):
             self._count_status(robot, arrival_s)
 
-    def connection_closed(self, connection: Connection) -> None:
-        """Forget which robots reported over a connection. The robots stay."""
-        self.owners.connection_closed(connection)
-
     def give(self, uuid: str, vendor: str) -> None:
         """Let a robot belong to a vendor from now on. It begins anew with the next report of that vendor."""
         if (robot := self.robots.get(uuid)) and robot.vendor != vendor:
@@ -344,7 +336,7 @@ class Fleet:
         if self._repeat_readers:
             self._repeat_readers.remove(robot)
         self.owners.remove(robot)
-        self.placement.forget(robot)
+        self.placement.model_sizes.forget(robot.uuid)
         self.note_identity(robot.uuid)
         self._changed.pop(robot.uuid, None)
         return self.robots.pop(robot.uuid).uuid

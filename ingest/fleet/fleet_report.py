@@ -85,7 +85,7 @@ def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
         "name": robot.name,
         "vendor": robot.vendor,
         "language": robot.language,
-        "participant": participant_of(fleet.vendors.settings(robot.vendor), robot.model, robot.uuid),
+        "participant": participant_of(fleet.owners.vendors.settings(robot.vendor), robot.model, robot.uuid),
         "source": robot.source,
         "examined": robot.examined,
         "unexamined_reason": None if robot.examined else unexamined_sentence(robot),
@@ -178,7 +178,7 @@ def _kinds(fleet: Fleet) -> dict[str, Counter[str]]:
     """Of the vendors whose devices do not all stand for robots, how many stand for what."""
     kinds: dict[str, Counter[str]] = {}
     for robot in fleet.robots.values():
-        kind = participant_of(fleet.vendors.settings(robot.vendor), robot.model, robot.uuid)
+        kind = participant_of(fleet.owners.vendors.settings(robot.vendor), robot.model, robot.uuid)
         kinds.setdefault(robot.vendor, Counter())[kind] += 1
     return {vendor: counts for vendor, counts in kinds.items() if counts.keys() != {"robot"}}
 

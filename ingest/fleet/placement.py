@@ -1,7 +1,8 @@
 """Where a robot is on its floor, and where it will be."""
 
+from collections.abc import Sequence
 from functools import lru_cache, partial
-from math import isfinite, isinf
+from math import hypot, isfinite, isinf
 
 from msgspec.structs import replace
 
@@ -19,13 +20,14 @@ from ingest.fleet.prediction.forecast_model import (
 )
 from ingest.fleet.prediction.pace import PaceBook, Paces
 from ingest.fleet.prediction.position_unit import unit_moves
-from ingest.fleet.prediction.trailer_history import trailer_headings, with_trailers
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import Frame, FrameRegistry
+from ingest.frames.towing import towed_along
 from ingest.languages.model import Rejection, Status
 from ingest.languages.rules import POSITION_IN_OTHER_UNIT, Oddity
 from ingest.settings import Reading
+from ingest.shapes import Shape
 from ingest.sizes.model_sizes import ModelSizes
 from ingest.sizes.site_sizes import site_figures
 from ingest.sizes.stated_bodies import BodyReading, read_body
@@ -33,6 +35,8 @@ from ingest.sizes.stated_loads import NO_LOADS, StatedLoad, read_loads
 
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
+FARTHEST_M = 10.0
+"""After a robot was seen this much further on, its trailers are taken to be straight behind it."""
 
 
 class Placement:
@@ -41,7 +45,8 @@ class Placement:
     def __init__(self, vendors: VendorRegistry, frames: FrameRegistry, reading: Reading) -> None:
         self._vendors, self._frames, self._reading = vendors, frames, reading
         self._floors = FloorIndex(frames)
-        self._model_sizes = ModelSizes()
+        self.model_sizes = ModelSizes()
+        """What robots of one model state of their sizes."""
         self._pace_book = PaceBook()
         self._shared_context = lru_cache(MAX_CONTEXTS)(self._new_context)
 
@@ -119,9 +124,10 @@ class Placement:
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
         robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
-        robot.trailer_yaws_rad = trailer_headings(robot.forecast.shape, robot.trailer_yaws_rad, last, robot.seen)
-        if robot.trailer_yaws_rad:
-            robot.forecast = with_trailers(robot.forecast, robot.trailer_yaws_rad)
+        shape = robot.forecast.shape
+        robot.trailer_yaws_rad = trailer_headings(shape, robot.trailer_yaws_rad, last, robot.seen)
+        if shape and robot.trailer_yaws_rad:
+            robot.forecast = replace(robot.forecast, shape=shape.with_headings(robot.trailer_yaws_rad))
         robot.stops = stops(status, robot.seen, context)
         is_lost = status.is_lost or matches(status.error_codes, self._reading.lost_errors)
         most_m = self._reading.lost_doubt_m
@@ -163,11 +169,7 @@ class Placement:
         """Judge the size in the robot's identity anew. Returns the UUIDs of other robots that this may explain."""
         robot.context, robot.size = None, self._size(robot)
         model = robot.identity.model if robot.identity else ""
-        return self._model_sizes.note(robot.uuid, robot.vendor, model, robot.size) if robot.size else set()
-
-    def forget(self, robot: Robot) -> None:
-        """Keep nothing of the robot any more."""
-        self._model_sizes.forget(robot.uuid)
+        return self.model_sizes.note(robot.uuid, robot.vendor, model, robot.size) if robot.size else set()
 
     def _context(self, robot: Robot, loaded: bool, datum: str, loads: tuple[StatedLoad, ...]) -> ForecastContext:
         """The context in which a message of the robot is read. It seldom differs from the one before."""
@@ -206,6 +208,20 @@ class Placement:
         if (identity := robot.identity) is None or not identity.has_size:
             return None
         settings, model = self._vendors.settings(robot.vendor), self._vendors.model(robot.vendor, identity.model)
-        others = self._model_sizes.figures(robot.vendor, identity.model)
+        others = self.model_sizes.figures(robot.vendor, identity.model)
         figures = (*identity.figures, *others, *site_figures(settings, model))
         return read_body(identity.body, figures, self._reading.largest_body_m)
+
+
+def trailer_headings(
+    shape: Shape | None, yaws_rad: Sequence[float], last: Sighting | None, seen: Sighting
+) -> tuple[float, ...]:
+    """The headings of the trailers of a robot that is at `seen` and was at `last`, where they were `yaws_rad`."""
+    if shape is None or not shape.trailers:
+        return ()
+    if last is None or last.floor != seen.floor or len(yaws_rad) != len(shape.trailers):
+        return (seen.yaw_rad,) * len(shape.trailers)
+    dx_m, dy_m = seen.x_m - last.x_m, seen.y_m - last.y_m
+    if hypot(dx_m, dy_m) > FARTHEST_M:
+        return (seen.yaw_rad,) * len(shape.trailers)
+    return tuple(towed_along(yaws_rad, [trailer.hitch_m for trailer in shape.trailers], dx_m, dy_m))

@@ -4,7 +4,7 @@ A robot that moves to another ingest may not send its identity report there agai
 """
 
 from base64 import b64decode, b64encode
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ingest.languages.front_ends import MASSROBOTICS
@@ -49,16 +49,9 @@ class SharedIdentity:
 
     def document(self) -> dict[str, Any]:
         """JSON-ready."""
-        return {
-            "uuid": self.uuid,
-            "raw": b64encode(self.raw).decode(),
-            "arrival_s": self.arrival_s,
-            "vendor": self.vendor,
-            "owner": self.owner,
-            "assigned": self.assigned,
-            "language": self.language,
-            "topic": self.topic,
-        }
+        document = asdict(self) | {"raw": b64encode(self.raw).decode()}
+        del document["elsewhere"]
+        return document
 
     def is_sent_as(self, known: "SharedIdentity") -> bool:
         """Whether the known report came for the same vendor, in the same language and on the same topic."""

@@ -38,17 +38,11 @@ class Frame:
         """Whether a left turn in this frame is a right turn on the floor."""
         return self.projection is not None or (self.transform is not None and self.transform.mirrored)
 
-    def placed(self, poses: Sequence[Pose]) -> Sequence[Pose]:
-        """Poses as sent, in metres and radians in the floor's frame.
+    def pose(self, x: float, y: float, yaw_rad: float) -> Pose:
+        """A pose as sent, in metres and radians in the floor's frame.
 
         An unknown yaw stays nan. Degrees that are no place on Earth become inf.
         """
-        if self.transform is None and self.projection is None:
-            return poses
-        return self.projection.poses(poses) if self.projection else [self.pose(*pose) for pose in poses]
-
-    def pose(self, x: float, y: float, yaw_rad: float) -> Pose:
-        """The same for one pose."""
         if self.transform is not None:
             return self.transform.pose(x, y, yaw_rad)
         if self.projection is not None:

@@ -97,12 +97,7 @@ class Map:
 
     def __call__(self, points: Floats) -> Floats:
         """`(p, 2)` to `(p, 2)`."""
-        return self.place(points)[0]
-
-    def place(self, points: Floats) -> tuple[Floats, Floats]:
-        """The mapped `points` (p, 2), and the linear part of the map at each (p, 2, 2)."""
-        placed = np.array([self.at(x, y) for x, y in points.tolist()], np.float64).reshape(-1, 6)
-        return placed[:, :2], placed[:, 2:].reshape(-1, 2, 2)
+        return np.array([self.at(x, y)[:2] for x, y in points.tolist()], np.float64).reshape(-1, 2)
 
 
 class Affine(Map):

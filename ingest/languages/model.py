@@ -7,13 +7,21 @@ from math import nan, pi
 import msgspec
 
 from ingest.batch import Amounts, Basis
-from ingest.languages.rules import Oddity
+from ingest.languages.rules import Findings, Oddity, RejectedError
 from ingest.shapes import Shape
 from ingest.sizes.stated_bodies import Figure, StatedBody
 from ingest.sizes.stated_loads import StatedLoad
 
 MOST_CODES, MOST_CODE_LETTERS = 100, 200
 """Error codes that are read of a status, and of each of them."""
+MAX_REASON = 300
+"""Characters kept of a rejection's reason."""
+MAX_TEXT = 100
+"""Characters kept of a name: it is in every batch and advisory of its robot."""
+MAX_POSITION = 1e7
+"""Metres or degrees. A location beyond it is absurd."""
+MAX_SPEED_MPS = 100.0
+"""No robot is faster."""
 
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
@@ -178,6 +186,16 @@ class Rejection:
 
 
 Message = Identity | Status | Update | Rejection
+
+
+def update_of(uuid: str, findings: Findings) -> Update:
+    """A message without a pose, with what was found in it."""
+    return Update(uuid, tuple(findings), tuple(findings.oddities))
+
+
+def rejection_of(error: RejectedError, uuid: str | None, findings: Findings) -> Rejection:
+    """Why a message is not accepted, with what else was found in it."""
+    return Rejection(error.rule, error.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities))
 
 
 def bounded_codes(codes: Sequence[str]) -> tuple[str, ...]:

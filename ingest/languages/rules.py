@@ -76,6 +76,115 @@ class Rule:
     """Whether one message by itself shows it. If not, it takes the robot's history, the site file or the socket."""
 
 
+def rejecting(code: str, sentence: str, clause: str, *, alone: bool = True) -> Rule:
+    """A rule that rejects a message."""
+    return Rule(code, sentence, clause, rejects=True, alone=alone)
+
+
+def in_context(code: str, sentence: str, clause: str) -> Rule:
+    """A rule of a deviation that one message by itself does not show."""
+    return Rule(code, sentence, clause, alone=False)
+
+
+def json_rules(clause: str) -> tuple[Rule, ...]:
+    """The rejections of what is no JSON, in languages of brokers."""
+    return (
+        rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", clause),
+        rejecting("not-json", "Not JSON; send one JSON object a message.", clause),
+        rejecting("too-deep", "Nested too deep; no message of the standard is.", clause),
+    )
+
+
+def owner_rules(clause: str) -> tuple[Rule, ...]:
+    """The rejections of robots that are another sender's."""
+    return (
+        rejecting(
+            "uuid-of-another-vendor",
+            "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
+            clause,
+            alone=False,
+        ),
+        rejecting(
+            "robot-in-two-languages", "The robot is heard in another standard already; send one.", clause, alone=False
+        ),
+    )
+
+
+def stamp_rules(clause: str) -> tuple[Rule, ...]:
+    """How timestamps are read, in languages of brokers."""
+    return (
+        Rule("stamp-unreadable", "The message's own timestamp is absent or can't be read; as of its arrival.", clause),
+        Rule("stamp-absurd", "The message's own timestamp lies outside 1970 to 2100; as of its arrival.", clause),
+        Rule("stamp-no-offset", "A timestamp has no offset from UTC; read as UTC.", clause),
+        Rule("stamp-offset-no-colon", "An offset from UTC lacks its colon or its minutes; read.", clause),
+        Rule("stamp-not-utc", "A timestamp has an offset from UTC; converted.", clause),
+        Rule(
+            "stamp-spelling",
+            "A timestamp has a space, a comma, lower-case letters, or a Z after an offset; read.",
+            clause,
+        ),
+        Rule("stamp-epoch", "A timestamp is a number since 1970; its size gives the unit.", clause),
+    )
+
+
+def late_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of messages that are late, in languages of brokers."""
+    return (
+        in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", clause),
+        in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", clause),
+        in_context("stamp-stale", "The message took 2 s longer than the robot's quickest one.", clause),
+        in_context("clock-off", "The robot's clock is off; its times are corrected.", clause),
+    )
+
+
+def motion_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of speeds and headings that the motion contradicts, in languages of brokers."""
+    return (
+        in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", clause),
+        in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", clause),
+        in_context("heading-contradicts-motion", "It moves in another direction than its heading.", clause),
+        in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", clause),
+    )
+
+
+def point_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of points of a path that can't be read."""
+    return (
+        Rule("point-unreadable", "A point has no place that can be read; the point is left out.", clause),
+        Rule(
+            "point-time-unreadable", "A point's time is missing or can't be read; it is between its neighbours.", clause
+        ),
+    )
+
+
+def path_rules(clause: str) -> tuple[Rule, ...]:
+    """The rules of paths that take the site file or the robot's speed."""
+    return (
+        in_context(
+            "path-datum-unknown",
+            "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+            clause,
+        ),
+        in_context("path-retimed", "The path was given new times by the robot's speed.", clause),
+    )
+
+
+def unit_rules(clause: str) -> tuple[Rule, Rule]:
+    """The rules of positions that are in another unit, and of positions and headings that have other axes."""
+    return (
+        in_context(
+            POSITION_IN_OTHER_UNIT,
+            "Positions move 1000 or 100 times faster than the speed that is sent: millimetres or centimetres? Kept.",
+            clause,
+        ),
+        in_context(
+            AXES_CONTRADICT_MOTION,
+            "Heading and motion fit each other if x and y are swapped, or one axis is reversed: are they? Kept.",
+            clause,
+        ),
+    )
+
+
 def value_rules(clause: str) -> tuple[Rule, ...]:
     """The rules by which values of another type, and keys of another spelling, are read."""
     return (
@@ -129,26 +238,6 @@ def size_rules(clause: str) -> tuple[Rule, ...]:
             clause,
             alone=False,
         ),
-    )
-
-
-def position_rule(clause: str) -> Rule:
-    """The rule of positions that are in another unit."""
-    return Rule(
-        POSITION_IN_OTHER_UNIT,
-        "Positions move 1000 or 100 times faster than the speed that is sent: millimetres or centimetres? Kept.",
-        clause,
-        alone=False,
-    )
-
-
-def axes_rule(clause: str) -> Rule:
-    """The rule of positions and headings that have other axes."""
-    return Rule(
-        AXES_CONTRADICT_MOTION,
-        "Heading and motion fit each other if x and y are swapped, or one axis is reversed: are they? Kept.",
-        clause,
-        alone=False,
     )
 
 

@@ -112,11 +112,6 @@ def plain_seconds(texts: Iterable[str]) -> tuple[list[float], tuple[str, ...]] |
     return (moments_s, findings) if all(map(plausible, (min(moments_s), max(moments_s)))) else None
 
 
-def assumed(t_s: float) -> Stamp:
-    """In place of a stamp that can't be read."""
-    return Stamp(t_s, inf)
-
-
 def plausible(t_s: float) -> bool:
     """Whether a time lies between 1970 and 2100."""
     return EARLIEST_S <= t_s <= LATEST_S

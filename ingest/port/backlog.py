@@ -35,11 +35,12 @@ class Backlog:
         if self._slices.is_free():
             self._deliver(*message)
             return
-        uuid = superseded(message)
+        connection = message.connection
+        uuid = FRONT_ENDS[connection.language].superseded(message.raw, connection.topic)
         if uuid is None:
             self._slices.run(partial(self._deliver, *message), len(message.raw))
             return
-        robot = message.connection.id, uuid
+        robot = connection.id, uuid
         older = self._newest.get(robot)
         self._newest[robot] = message
         if older is None:
@@ -52,9 +53,3 @@ class Backlog:
         message = self._newest.pop(robot)
         self._slices.add_weight(first_bytes - len(message.raw))
         self._deliver(*message)
-
-
-def superseded(message: ArrivedMessage) -> bytes | None:
-    """The robot whose next message makes this one pointless, found without parsing. None if each is needed."""
-    connection = message.connection
-    return FRONT_ENDS[connection.language].superseded(message.raw, connection.topic)

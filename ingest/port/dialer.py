@@ -11,14 +11,12 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidHandshake, InvalidStatus, InvalidURI, SecurityError
 
 from ingest.measures.measures import Measures
-from ingest.measures.outages import OutageLog
+from ingest.measures.outages import STEADY_S, OutageLog, backoff_s
 from ingest.port.frame_cutter import FrameCuttingClient, FrameCuttingConnection
 from ingest.port.receiver import CLOSE_TIMEOUT_S, Receiver
 
 log = logging.getLogger(__name__)
 
-STEADY_S = 30.0
-"""A connection that lasted this long resets the back-off, and its loss is logged."""
 LONGEST_TARGET = 200
 """Characters of a redirect's target that are logged."""
 
@@ -96,16 +94,7 @@ class Dialer:
                 log.exception("the conversation with %s at %s failed; dialling again", self._vendor, self._shown)
             self.failures = 0 if self._is_steady(began_s) else self.failures + 1
             self._measures.count("deconflict_dial_failures_total", self._vendor)
-            await asyncio.sleep(self.wait_s())
-
-    def wait_s(self) -> float:
-        """How long to wait before the next attempt, in seconds.
-
-        It doubles with each failure, within bounds. A random part is taken off, so that dialers do not dial at once.
-        """
-        least_s, most_s = self._receiver.settings.dial_backoff_s
-        full_s = min(least_s * 2.0 ** min(max(self.failures - 1, 0), 30), most_s)
-        return full_s * self._random.uniform(0.5, 1.0)
+            await asyncio.sleep(backoff_s(self._receiver.settings.dial_backoff_s, self.failures, self._random))
 
     async def _converse(self) -> None:
         dial = SameHostDial(
@@ -133,9 +122,7 @@ class Dialer:
 
     def _log_outage(self, text: str, began_s: float) -> None:
         """Log the first failure of an outage; of a fleet manager that comes and goes, not every outage."""
-        if self._is_steady(began_s):
-            self._outages.was_steady()
-        more = self._outages.failed()
+        more = self._outages.failed(was_steady=self._is_steady(began_s))
         if more is not None:
             log.warning("%s%s", text, more)
 

@@ -4,11 +4,11 @@ Each vendor has token buckets (Turner 1986, "leaky bucket as a meter"). Messages
 robot. A newer message of a robot replaces its waiting one, so that only outdated messages are dropped.
 """
 
-import re
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
+from ingest.languages.massrobotics.massrobotics_front_end import UUID
 from ingest.port.connection import Connection
 
 BURST_S = 1.0
@@ -27,7 +27,6 @@ MOST_WAITING_BYTES = 32 << 20
 """The same limit for the size of a vendor's waiting messages."""
 MOST_BUCKETS = 1000
 """Buckets kept for vendors and addresses. Beyond it, full ones are removed."""
-UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
 
 
 class ArrivedMessage(NamedTuple):
@@ -129,7 +128,8 @@ class RateLimits:
 
     def __init__(self, rates: Rates) -> None:
         self.rates = rates
-        self._buckets: dict[str, TokenBucket] = {}
+        self.buckets: dict[str, TokenBucket] = {}
+        """By vendor or address."""
 
     def admit(self, vendor: str, message: ArrivedMessage, now_s: float) -> tuple[bool, list[ArrivedMessage]]:
         """Whether the message may be delivered at once; if not, it waits. With it the messages dropped for it."""
@@ -145,7 +145,7 @@ class RateLimits:
         Call it many times a second.
         """
         due = []
-        for bucket in self._buckets.values():
+        for bucket in self.buckets.values():
             bucket.fill(now_s, self.rates)
             while bucket.waiting and bucket.grants_message():
                 message = bucket.pop_oldest()
@@ -165,39 +165,31 @@ class RateLimits:
         return max(-bucket.reading_s / self.rates.reading_s, 0.0)
 
     def _filled(self, vendor: str, now_s: float) -> TokenBucket:
-        bucket = self._buckets.get(vendor)
+        bucket = self.buckets.get(vendor)
         if bucket is None:
-            if len(self._buckets) >= MOST_BUCKETS:
+            if len(self.buckets) >= MOST_BUCKETS:
                 self._remove_idle(now_s)
-            bucket = self._buckets[vendor] = TokenBucket.full(self.rates, now_s)
+            bucket = self.buckets[vendor] = TokenBucket.full(self.rates, now_s)
         else:
             bucket.fill(now_s, self.rates)
         return bucket
 
     def _remove_idle(self, now_s: float) -> None:
-        for bucket in self._buckets.values():
+        for bucket in self.buckets.values():
             bucket.fill(now_s, self.rates)
-        self._buckets = {name: bucket for name, bucket in self._buckets.items() if not bucket.is_idle(self.rates)}
-
-    def __len__(self) -> int:
-        return len(self._buckets)
+        self.buckets = {name: bucket for name, bucket in self.buckets.items() if not bucket.is_idle(self.rates)}
 
     @property
     def waiting(self) -> bool:
         """Whether a message waits."""
-        return any(bucket.waiting for bucket in self._buckets.values())
-
-
-def uuid_in(raw: bytes) -> bytes | None:
-    """The first UUID in a message, in lower case. None if it has none."""
-    found = UUID.search(raw)
-    return found.group(1).lower() if found else None
+        return any(bucket.waiting for bucket in self.buckets.values())
 
 
 def _enqueue(bucket: TokenBucket, message: ArrivedMessage) -> list[ArrivedMessage]:
     """Let the message wait in the place of its robot's older message, or at the end. Returns the dropped messages."""
     connection = message.connection
-    key = (not connection.topic and uuid_in(message.raw)) or b"connection %d" % connection.id
+    found = None if connection.topic else UUID.search(message.raw)
+    key = found.group(1).lower() if found else b"connection %d" % connection.id
     key += b" status" if b'"operationalState"' in message.raw else b""
     older = bucket.waiting.get(key)
     bucket.waiting[key] = message

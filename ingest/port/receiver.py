@@ -89,7 +89,10 @@ class Receiver:
         self.settings, self._shares_port = settings, shares_port
         self._credentials = credentials
         self._certificates = Certificates(settings.tls) if settings.tls else None
-        self._handshakes = self._new_handshakes(self._certificates) if self._certificates else None
+        self._handshakes: TlsHandshakes | None = None
+        if self._certificates:
+            failed = partial(self._count_refused, "tls-failed")
+            self._handshakes = TlsHandshakes(self._certificates, settings.open_timeout_s, failed)
         self._refuse, self._closed = refuse, closed
         self._measures, self._clock = measures, clock
         self._ids = count(first_id)
@@ -308,22 +311,19 @@ class Receiver:
             self._close_and_count(oldest, "replaced", CloseCode.POLICY_VIOLATION, reason)
 
     async def _reap(self) -> None:
+        """Close idle connections, and read tokens and certificates that have changed. Other open connections stay."""
         while True:
             limit_s = self.settings.idle_timeout_s
             await asyncio.sleep(min(IDLE_CHECK_S, limit_s / 4))
             heard_s = asyncio.get_running_loop().time() - limit_s
-            self._refresh()
+            self._credentials.refresh()
+            if self._certificates:
+                self._certificates.refresh()
             for session in self._all_sessions():
                 if session.heard_s < heard_s:
                     self._close_and_count(session, "idle", CloseCode.GOING_AWAY, f"nothing heard for {limit_s:g} s")
                 elif session.socket.state is State.CLOSING:
                     self._close_within_time(session)
-
-    def _refresh(self) -> None:
-        """Read tokens and certificates that have changed. Open connections stay."""
-        self._credentials.refresh()
-        if self._certificates:
-            self._certificates.refresh()
 
     def _close_and_count(self, session: Session, counted_as: str, code: CloseCode, reason: str) -> None:
         self._count_refused(counted_as)
@@ -335,9 +335,6 @@ class Receiver:
         task = asyncio.create_task(session.socket.close(code, reason))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
-
-    def _new_handshakes(self, certificates: Certificates) -> TlsHandshakes:
-        return TlsHandshakes(certificates, self.settings.open_timeout_s, partial(self._count_refused, "tls-failed"))
 
     def _count_refused(self, reason: str) -> None:
         self._measures.count("deconflict_connections_refused_total", reason)

@@ -13,7 +13,7 @@ from math import inf
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-from ingest.recording.clock_notes import KnownTime, old_ones
+from ingest.recording.clock_notes import DAY_S, KnownTime, old_ones
 from ingest.recording.log_packing import LogPacker
 from ingest.recording.log_segments import PACKED
 from ingest.settings import RecorderSettings
@@ -24,7 +24,6 @@ KEPT_BYTES = 4 << 20
 """Written bytes that stay in the page cache at least."""
 RETRY_S = 5.0
 """How long after a failed write the next one is tried."""
-DAY_S = 86_400.0
 PATTERN = "log-[0-9]*.jsonl"
 
 

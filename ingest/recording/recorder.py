@@ -82,8 +82,10 @@ class Recorder:
     ) -> None:
         """Nothing is removed for its age without a `known_time`, which may wait for the disk."""
         self._enabled, self._measures = settings.enabled, measures
-        self._files = RotatingLog(settings, directory, clock, known_time)
-        self._writer = LogWriter(self._files.write, MOST_WAITING_BYTES)
+        self.files = RotatingLog(settings, directory, clock, known_time)
+        """The segments. What was received before their `leaving_before_s` will soon be in neither of the newest two."""
+        self.writer = LogWriter(self.files.write, MOST_WAITING_BYTES)
+        """Passes the lines to the files on a thread of its own, as soon as the disk takes them."""
         self._rejected_shares = RejectedShares()
         self._lines: list[bytes] = []
         self._bytes = 0
@@ -93,27 +95,12 @@ class Recorder:
 
     def reconfigure(self, settings: RecorderSettings) -> None:
         """Use other limits from now on. Whether anything is recorded does not change."""
-        self._files.settings = settings
+        self.files.settings = settings
 
     @property
     def failing(self) -> str | None:
         """Why lines can't be recorded; None if they can."""
-        return self._writer.failing or self._files.failing
-
-    @property
-    def packing_failing(self) -> str | None:
-        """Why older segments can't be packed, and take more room than they need to; None if they can."""
-        return self._files.packer.failing
-
-    @property
-    def leaving_before_s(self) -> float:
-        """What was received before this will soon be in neither of the two newest segments. -inf if that is far off."""
-        return self._files.leaving_before_s
-
-    @property
-    def behind(self) -> bool:
-        """Whether lines wait for the disk."""
-        return self._writer.waiting
+        return self.writer.failing or self.files.failing
 
     def received(
         self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None, *, waits: bool = False
@@ -155,20 +142,20 @@ class Recorder:
         data = b"".join(self._lines)
         self._lines, self._bytes = [], 0
         if data:
-            self._writer.add(data)
+            self.writer.add(data)
         self._count()
 
     def sync(self, timeout_s: float = CLOSE_S) -> bool:
         """Wait until the system has all flushed lines. Returns whether it has them. May be called from any thread."""
-        return self._writer.sync(timeout_s)
+        return self.writer.sync(timeout_s)
 
     def close(self) -> None:
         """Write all lines and pack what is due, but wait no longer than `CLOSE_S` for either. Lines not written by
         then are counted as lost."""
         self.flush()
-        if self._writer.close(CLOSE_S):
-            self._files.close()
-            self._files.packer.close(CLOSE_S)
+        if self.writer.close(CLOSE_S):
+            self.files.close()
+            self.files.packer.close(CLOSE_S)
         self._count()
 
     def _add_rejected(self, raw: bytes, arrival_s: float, connection: Connection, rule: str) -> None:
@@ -191,7 +178,7 @@ class Recorder:
         return timestamps.write(arrival_s).encode(), keys
 
     def _count(self) -> None:
-        written, dropped = self._writer.take_counts()
+        written, dropped = self.writer.take_counts()
         self._measures.count("deconflict_recorded_bytes_total", by=written)
         if dropped:
             self._measures.count("deconflict_recorded_lines_dropped_total", by=dropped)

@@ -21,10 +21,6 @@ class TlsHandshakes:
     def __len__(self) -> int:
         return len(self._tasks)
 
-    def awaited(self, transport: asyncio.BaseTransport) -> bool:
-        """Whether the handshake of an accepted connection has not begun."""
-        return transport.get_extra_info("sslcontext") is None
-
     def begin(self, transport: asyncio.Transport, protocol: asyncio.Protocol) -> asyncio.Task[None]:
         """Begin a handshake. After it `protocol` gets the connection; before, it is not called."""
         early = _EarlyData()

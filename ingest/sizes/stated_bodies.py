@@ -1,7 +1,7 @@
 """The size of a robot as it states it, by the one rule of size."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from ingest.shapes import Shape
 from ingest.sizes.size_limit import (
@@ -19,9 +19,10 @@ from ingest.sizes.size_limit import (
 
 NARROWEST_M = 0.05
 """No robot is narrower."""
-KINDS = ("own", "same", "alike")
+Kind = Literal["own", "same", "alike"]
 """Of figures, the surest first: of the same body in the same message, of a body of the same model, of what is about as
 long."""
+KINDS = get_args(Kind)
 
 
 class Figure(NamedTuple):
@@ -31,8 +32,7 @@ class Figure(NamedTuple):
     width_m: float
     source: str
     """Where it is stated, for people."""
-    kind: Literal["own", "same", "alike"] = "alike"
-    """One of `KINDS`."""
+    kind: Kind = "alike"
 
 
 class StatedBody(NamedTuple):

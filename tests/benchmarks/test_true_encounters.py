@@ -3,25 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.watch_demo.true_encounters import near_pairs, true_encounters
-from deconflict.simulation.driving.traffic import World
-from deconflict.simulation.floor_layout import layout_for
-from deconflict.simulation.participants import participants
-
-CLEARANCE_M = 0.3
-
-
-def test_encounters_are_of_envelopes_within_the_clearance() -> None:
-    world = World(layout_for(24), participants(24), np.random.default_rng(4))
-    found = true_encounters(world, 120.0, CLEARANCE_M)
-    assert found
-    for encounter in found:
-        assert 0.0 <= encounter.separation_m <= CLEARANCE_M
-        assert encounter.start_s <= encounter.last_s <= world.t_s
-    by_pair: dict[tuple[int, int], float] = {}
-    for encounter in found:
-        assert encounter.start_s > by_pair.get(encounter.robots, -1.0) + 1.0
-        by_pair[encounter.robots] = encounter.last_s
+from benchmarks.watch_demo.true_encounters import near_pairs
 
 
 def test_near_pairs_by_hand() -> None:

@@ -5,17 +5,15 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 
 from benchmarks.closed_loop.cells.kinds import SIZES, VENDORS, floor_of
 from benchmarks.closed_loop.cells.world import CellWorld, Compliance, Figures
+from benchmarks.closed_loop.halls.runs import paired_difference
 from deconflict.adviser import Adviser
 
 NONE, ONE_PLAN = "none", "one plan"
-T95 = {1: 12.71, 2: 4.30, 3: 3.18, 4: 2.78, 5: 2.57, 6: 2.45, 7: 2.36}
-"""Of Student's distribution, by degrees of freedom; beyond these 2.3."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +59,9 @@ def table(
     for number, (adviser, share) in enumerate(rows):
         figures = [each for each, _ in found[number * len(seeds) : (number + 1) * len(seeds)]]
         mps = np.array([each.mps for each in figures])
-        off = mps - none
-        around = T95.get(len(seeds) - 1, 2.3) * off.std(ddof=1) / sqrt(len(seeds)) if len(seeds) > 1 else np.nan
         means = [np.mean([each[k] for each in figures]) for k in (1, 2, 3)]
         name = f"{adviser}, {share:g} obey" if adviser == "this" else adviser
-        interval = f"{off.mean():+.3f} ({off.mean() - around:+.3f} to {off.mean() + around:+.3f})" if number else ""
+        interval = paired_difference(mps - none) if number else ""
         yield f"| {kind} | {name} | {mps.mean():.3f} | {interval} | {means[0]:.0f} | {means[1]:.0f} | {means[2]:.0f} |"
 
 

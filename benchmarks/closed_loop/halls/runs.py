@@ -105,7 +105,7 @@ def table(found: dict[str, list[Figures]]) -> str:
     for name, figures in found.items():
         mps, mean = np.array([each.mps for each in figures]), _mean(figures)
         gap = (mps.mean() - none.mean()) / (one_mps - none.mean()) if len(none) and name != NONE else np.nan
-        difference = _difference(mps - none) if len(none) == len(mps) and name != NONE else ""
+        difference = paired_difference(mps - none) if len(none) == len(mps) and name != NONE else ""
         vendors = ", ".join(f"{vendor} {value:.2f}" for vendor, value in mean.mps_by_vendor.items())
         share = "" if np.isnan(gap) else f"{gap:.0%}"
         lines.append(
@@ -121,7 +121,8 @@ def table(found: dict[str, list[Figures]]) -> str:
     return "\n".join(lines)
 
 
-def _difference(values: Any) -> str:
+def paired_difference(values: Any) -> str:
+    """The mean of paired differences, with its 95 % interval if there are several."""
     if len(values) < 2:
         return f"{values.mean():+.3f}"
     half = _T95[min(len(values) - 1, len(_T95) - 1)] * values.std(ddof=1) / np.sqrt(len(values))

@@ -49,7 +49,7 @@ class CrossIngestClaims:
         if before and vendor == UNKNOWN:  # it has come to an ingest that does not know it yet
             vendor = before[0]
         if before and before[0] not in (vendor, UNKNOWN):
-            self._between.add_refused(uuid, before[0], vendor, arrival_s)
+            self._between.add(uuid, before[0], vendor, arrival_s)
             return False
         if before and -1 not in (before[2].floor, now.floor):
             self._between.add_sighting(uuid, vendor, before[2], now, arrival_s - before[1], arrival_s)

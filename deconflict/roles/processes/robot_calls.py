@@ -46,7 +46,7 @@ class RobotCalls:
         """Let a robot belong to a vendor. The answer is the owner before, or why it can't be given."""
         uuid, vendor = json.loads(payload)
         before = self._fleet.owners.owner(uuid)
-        problem = self._fleet.owners.problem_of_giving(uuid, vendor)
+        problem = self._fleet.owners.vendors.problem_of_giving(uuid, vendor)
         if not problem and before != vendor:
             self._fleet.give(uuid, vendor)
             self._recorder.given(uuid, vendor, self._now_s())

@@ -35,17 +35,15 @@ def robot_parts(off_floor: OffFloor, robot: Robot, now_s: float) -> dict[str, An
 
 def listed(off_floor: OffFloor, robots: dict[str, Robot], now_s: float) -> list[dict[str, Any]]:
     """The robots that are off the floor, and those that came back by themselves lately: then `back_s` is when."""
-    rows = [
-        _named(robots.get(uuid), uuid) | mark_document(mark, robots.get(uuid), now_s) | {"back_s": None}
-        for uuid, mark in off_floor.marks.items()
-    ]
+    rows = [_row(uuid, mark, robots.get(uuid), now_s, None) for uuid, mark in off_floor.marks.items()]
     back = [
-        _named(robots.get(uuid), uuid) | mark_document(mark, robots.get(uuid), now_s) | {"back_s": mark.at_s}
+        _row(uuid, mark, robots.get(uuid), now_s, mark.at_s)
         for uuid, mark in off_floor.back.items()
         if now_s - mark.at_s <= BACK_SHOWN_S
     ]
     return [*rows, *back]
 
 
-def _named(robot: Robot | None, uuid: str) -> dict[str, Any]:
-    return {"uuid": uuid, "name": robot.name if robot else uuid[:8], "vendor": robot.vendor if robot else ""}
+def _row(uuid: str, mark: OffFloorMark, robot: Robot | None, now_s: float, back_s: float | None) -> dict[str, Any]:
+    named = {"uuid": uuid, "name": robot.name if robot else uuid[:8], "vendor": robot.vendor if robot else ""}
+    return named | mark_document(mark, robot, now_s) | {"back_s": back_s}

@@ -49,9 +49,15 @@ class OwnershipClaims:
         self._jumps: OrderedDict[str, deque[float]] = OrderedDict()
         """By robot, the times of its last jumps; robots that jumped longest ago first."""
 
-    def add_refused(self, uuid: str, owner: str, claimant: str, arrival_s: float) -> None:
+    def add(self, uuid: str, owner: str, claimant: str, arrival_s: float) -> None:
         """Add a report by `claimant` of a robot of `owner`."""
-        self._claim(uuid, owner, claimant, arrival_s)
+        key = owner, claimant
+        if key not in self._standing and len(self._standing) >= MOST_CLAIMS:
+            return
+        claim = self._standing.setdefault(key, _StandingClaim(arrival_s, arrival_s))
+        claim.latest_s = max(claim.latest_s, arrival_s)
+        if len(claim.robots) < MOST_COUNTED:
+            claim.robots[uuid] = None
 
     def add_sighting(
         self, uuid: str, vendor: str, before: Sighting, now: Sighting, gap_s: float, arrival_s: float
@@ -65,7 +71,7 @@ class OwnershipClaims:
         if len(self._jumps) > MOST_WATCHED:
             self._jumps.popitem(last=False)
         if len(jumps) == JUMPS and arrival_s - jumps[0] <= JUMPS_WITHIN_S:
-            self._claim(uuid, vendor, vendor, arrival_s)
+            self.add(uuid, vendor, vendor, arrival_s)
 
     def standing(self, now_s: float) -> tuple[Claim, ...]:
         """The claims with a recent report, by owner and claimant."""
@@ -74,15 +80,6 @@ class OwnershipClaims:
             Claim(*key, tuple(claim.robots)[:NAMED_ROBOTS], len(claim.robots), claim.since_s)
             for key, claim in sorted(self._standing.items())
         )
-
-    def _claim(self, uuid: str, owner: str, claimant: str, arrival_s: float) -> None:
-        key = owner, claimant
-        if key not in self._standing and len(self._standing) >= MOST_CLAIMS:
-            return
-        claim = self._standing.setdefault(key, _StandingClaim(arrival_s, arrival_s))
-        claim.latest_s = max(claim.latest_s, arrival_s)
-        if len(claim.robots) < MOST_COUNTED:
-            claim.robots[uuid] = None
 
 
 def _jumped(before: Sighting, now: Sighting, gap_s: float) -> bool:

@@ -89,10 +89,6 @@ class RobotOwners:
         owner = self.owner(sender.uuid) if sender else None
         return owner if owner and self.vendors.configured(owner) else None
 
-    def problem_of_giving(self, uuid: str, vendor: str) -> str:
-        """Why the robot can't be given to the vendor by a person; "" if it can."""
-        return self.vendors.problem_of_giving(uuid, vendor)
-
     def is_named(self, message: Identity | Status | Update, connection: Connection) -> bool:
         """Whether a vendor names its robot. Then the robot is its own: the UUID was derived from vendor and name."""
         is_name = connection.vendor is not None and NAMED in message.findings
@@ -111,7 +107,7 @@ class RobotOwners:
         speaker = self._speaker(message, connection)
         owner = None if self.is_named(message, connection) else self.other_owner(message.uuid, robot, speaker)
         if owner and speaker:
-            self._claims.add_refused(message.uuid, owner, speaker, arrival_s)
+            self._claims.add(message.uuid, owner, speaker, arrival_s)
             reason = (
                 f"robot {message.uuid} is {owner}'s; that vendor may report it, or somebody with the role administer "
                 f"give it to another: POST /robots/{message.uuid}/owner"

@@ -41,10 +41,6 @@ class VendorRegistry:
         """Whether the site file has this vendor."""
         return name in self._configured
 
-    def is_known(self, name: str) -> bool:
-        """Whether the site file has this vendor, or an identity report has named it."""
-        return name in self._configured or name in self._unconfigured
-
     def of_manufacturer(self, manufacturer: str) -> str:
         """The vendor's name for a `manufacturerName` of an identity report."""
         known = self._by_manufacturer.get(manufacturer.strip().casefold())
@@ -69,7 +65,7 @@ class VendorRegistry:
 
     def problem_of_giving(self, uuid: str, vendor: str) -> str:
         """Why the robot can't be given to the vendor by a person; "" if it can."""
-        if not self.is_known(vendor):
+        if vendor not in self._configured and vendor not in self._unconfigured:
             return f"vendor: {vendor!r} is in no site file and no robot here has named it"
         assigned = self.of_robot(uuid)
         return f"the site file gives the robot to {assigned}; change vendors.robots there" if assigned else ""

@@ -33,7 +33,7 @@ from ingest.fleet.prediction.forecast_model import (
     Sighting,
 )
 from ingest.fleet.prediction.pace import LEAST_SPEED, TURNS_RADPS, Paces, allowance
-from ingest.fleet.prediction.path_forecast import MOVING_MPS, knot_at, on_floors, route_by_path
+from ingest.fleet.prediction.path_forecast import knot_at, on_floors, route_by_path
 from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
     AWAY_M,
@@ -46,7 +46,7 @@ from ingest.fleet.prediction.way_on import (
     lets_stand,
     way_on,
 )
-from ingest.frames.assumed_motion import DRIVES_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages.model import Status
 
 NO_LETTERS = re.compile(r"[\W_]+")
@@ -205,7 +205,7 @@ class _Route(NamedTuple):
             return knots, floors
         mps = max(min(going.mps, self.context.body.max_speed_mps or inf), LEAST_SPEED)
         if here.is_driving:
-            self.paces.note_beyond(end, going.direction_rad, mps)
+            self.paces.pace.expect_beyond_path(end, going.direction_rad, mps)
         mps *= self.paces.beyond_share
         until = until_s(here, self.context)
         further = way_on(end, going.direction_rad, mps, destination, until, self.paces.turn_radps)

@@ -32,11 +32,8 @@ class HandMove(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        return (
-            f"was moved by hand or its localisation jumped: {self.distance_m:.1f} m in {self.took_s:.0f} s"
-            if self.took_s >= 1.0
-            else f"was moved by hand or its localisation jumped: {self.distance_m:.1f} m at once"
-        )
+        took = f"in {self.took_s:.0f} s" if self.took_s >= 1.0 else "at once"
+        return f"was moved by hand or its localisation jumped: {self.distance_m:.1f} m {took}"
 
 
 def is_out_of_reach(before: Sighting, now: Sighting, doubt_m: float, max_speed_mps: float | None) -> bool:

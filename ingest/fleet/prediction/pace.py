@@ -201,7 +201,9 @@ class Paces:
 
     def __init__(self, pace: Pace, here: Sighting) -> None:
         """`here` has its speed and turn rate now."""
-        self._pace, mps, radps = pace, abs(here.linear_mps or 0.0), abs(here.turn_radps)
+        self.pace = pace
+        """Of the robot: what was seen of it, and with what that will be compared."""
+        mps, radps = abs(here.linear_mps or 0.0), abs(here.turn_radps)
         self._now_mps = mps if mps > DRIVES_MPS else None
         self._now_radps = radps if radps > TURNS_RADPS and self._now_mps is None else None
 
@@ -210,13 +212,13 @@ class Paces:
         return max(self._found(allowance), LEAST_SPEED)
 
     def _found(self, allowance: Allowance) -> float:
-        if (own := self._pace.seen(allowance.kind)) is not None:
+        if (own := self.pace.seen(allowance.kind)) is not None:
             return own
         most, kind = allowance
-        usual = self._pace.usual(kind)
+        usual = self.pace.usual(kind)
         if kind == TURN:
             return min(self._now_radps or usual or (most if isfinite(most) else ASSUMED_TURN_RADPS), most)
-        if self._now_mps is not None and kind == self._pace.kind:
+        if self._now_mps is not None and kind == self.pace.kind:
             return min(self._now_mps, most)
         if usual is not None:
             return min(usual, most)
@@ -224,29 +226,17 @@ class Paces:
             return like_elsewhere
         return most if isfinite(most) else self._now_mps or ASSUMED_MPS
 
-    def note_way(self, kind: Kind) -> None:
-        """It is on a way of this kind now."""
-        self._pace.kind = kind
-
-    def note_corner(self, x: float, y: float, t_s: float) -> None:
-        """It would pass a place beyond a corner at this time, if it lost no time there."""
-        self._pace.expect_beyond_corner(x, y, t_s)
-
-    def note_beyond(self, end: Knot, direction_rad: float, mps: float) -> None:
-        """It may go on so beyond the end of its path."""
-        self._pace.expect_beyond_path(end, direction_rad, mps)
-
     @property
     def beyond_share(self) -> float:
         """The share of its speed with which robots of its model usually go on in a straight line beyond their paths."""
-        usual = self._pace.usual(BEYOND)
+        usual = self.pace.usual(BEYOND)
         return 1.0 if usual is None else max(usual, LEAST_SHARE)
 
     @property
     def corner_s(self) -> float:
         """What a corner takes beyond its turn on the spot, as far as that was seen; less than 0 if it takes less."""
-        own = self._pace.seen(CORNER)
-        return own if own is not None else self._pace.usual(CORNER) or 0.0
+        own = self.pace.seen(CORNER)
+        return own if own is not None else self.pace.usual(CORNER) or 0.0
 
     @property
     def turn_radps(self) -> float:
@@ -257,7 +247,7 @@ class Paces:
         """Its speed as on the fastest other ways: that speed, or that share of the limit if the limit bounded it."""
         elsewhere = [
             (abs(kind), speeds.usual)
-            for kind, speeds in self._pace.own.items()
+            for kind, speeds in self.pace.own.items()
             if not isinstance(kind, str) and speeds.seen_s >= OBSERVED_S
         ]
         if not elsewhere:

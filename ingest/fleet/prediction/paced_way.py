@@ -21,7 +21,7 @@ def paced(points: Sequence[Knot], most: Sequence[float], here: Sighting, paces: 
     The robot starts at its present speed. A corner takes its turn, and what it was seen to take beyond.
     """
     kinds = allowances(points, most, here)
-    paces.note_way(next((allowed.kind for allowed in kinds if allowed.kind != TURN), inf))
+    paces.pace.kind = next((allowed.kind for allowed in kinds if allowed.kind != TURN), inf)
     t_s, x, y, yaw_rad = here.t_s, here.x_m, here.y_m, here.yaw_rad
     now_mps = abs(here.linear_mps) if here.linear_mps is not None else inf
     timed: list[Knot] = []
@@ -93,6 +93,7 @@ class _Corners:
         share = min(BEYOND_M / length_m, 1.0)
         if t_s <= self._watched_s:
             expected_s = t_s - self._late_s + share * length_m / mps
-            self._paces.note_corner(x + share * (to_x - x), y + share * (to_y - y), expected_s)
+            beyond = x + share * (to_x - x), y + share * (to_y - y)
+            self._paces.pace.expect_beyond_corner(*beyond, expected_s)
         self._late_s += late_s
         return late_s

@@ -10,12 +10,10 @@ from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotB
 from ingest.fleet.prediction.pace import Paces
 from ingest.fleet.prediction.paced_way import paced
 from ingest.frames.angles import turn_between
-from ingest.frames.assumed_motion import LEAST_STEP_S, SPOT_M
+from ingest.frames.assumed_motion import LEAST_STEP_S, MOVING_MPS, SPOT_M
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Path
 
-MOVING_MPS = 0.02
-"""A robot with at most this speed stands."""
 JUMP_FACTOR, JUMP_SLACK_M = 2.0, 0.5
 """A path that asks for more than this times the robot's greatest speed, plus this length, contradicts its motion."""
 PLAUSIBLE_SPEED_MPS = 5.0
@@ -90,7 +88,7 @@ def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Seque
     if frame.transform is not None:
         return [(t_s + clock_offset_s, *frame.transform.pose(x, y, yaw_rad)) for t_s, x, y, yaw_rad in poses]
     if frame.projection is not None:
-        placed = zip(poses, frame.placed([pose[1:] for pose in poses]), strict=True)
+        placed = zip(poses, frame.projection.poses([pose[1:] for pose in poses]), strict=True)
         return [(pose[0] + clock_offset_s, x, y, yaw) for pose, (x, y, yaw) in placed if isfinite(x) and isfinite(y)]
     if not clock_offset_s:
         return poses

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
 from ingest.frames.angles import turn_between
-from ingest.frames.assumed_motion import DRIVES_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 
 MIN_GAP_S = 0.9
 """Messages of one robot closer in time than this are more than one a second, with allowance for network jitter."""
@@ -22,8 +22,6 @@ COMPARABLE_S = 5.0
 """Sightings further apart in time than this do not show how a robot has turned between them."""
 OBSERVABLE_S = 35.0
 """Sightings further apart than this show nothing of the motion between them. Conforming robots may report so seldom."""
-STANDS_MPS = 0.02
-"""A robot that is slower stands."""
 REGULAR_S = 2.0
 """Reports further apart than this are rare."""
 MAX_TURN_RADPS = 2.0
@@ -84,7 +82,7 @@ def _is_fast(sighting: Sighting) -> bool:
 
 def _stands(sighting: Sighting) -> bool:
     """Whether it was stated to stand."""
-    return sighting.linear_mps is not None and abs(sighting.linear_mps) <= STANDS_MPS
+    return sighting.linear_mps is not None and abs(sighting.linear_mps) <= MOVING_MPS
 
 
 def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:

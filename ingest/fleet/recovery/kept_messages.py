@@ -130,12 +130,12 @@ class KeptMessages:
 
     def _settled(self, row: Row, now_s: float) -> Received:
         vendor = None if row.topic else row.vendor
-        settled = vendor and self._fleet.vendors.settled_name(vendor, was_configured=True)
+        settled = vendor and self._fleet.owners.vendors.settled_name(vendor, was_configured=True)
         arrival_s = min(row.arrival_s, now_s) if row.kind == IDENTITY else row.arrival_s
         return _received(row._replace(arrival_s=arrival_s, vendor=settled))
 
     async def keep(self, leaving_before_s: Callable[[], float], now_s: Callable[[], float]) -> None:
-        """Write every change soon, until cancelled. `leaving_before_s` is that of the recorder."""
+        """Write every change soon, until cancelled. `leaving_before_s` is that of the files of the recorder."""
         wait_s = WRITE_EVERY_S
         while True:
             await asyncio.sleep(wait_s)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ingest.batch import Floats
 from ingest.frames.driven.driven_places import DrivenPlaces
+from ingest.frames.driven.line_fit import rotation
 
 CELL_M, MOST_CELLS = 0.5, 700
 """Of the rasters: larger floors get larger cells."""
@@ -94,9 +95,9 @@ class _Raster:
     def peaks(self, turn_rad: float) -> Iterator[RoughTransform]:
         from scipy.ndimage import maximum_filter  # noqa: PLC0415 - only proposals need it
 
-        c, s = np.cos(turn_rad), np.sin(turn_rad)
-        turned = self._own.placed(np.array([[c, -s], [s, c]]), np.zeros(2))
-        middle = np.array([[c, -s], [s, c]]) @ self._middle_m
+        matrix = rotation(turn_rad)
+        turned = self._own.placed(matrix, np.zeros(2))
+        middle = matrix @ self._middle_m
         corner_m = middle - self._side // 2 * self._cell_m
         own = self._fft.fft2(self._field(turned, turned.points_m - corner_m, self._shape).astype(np.complex64))
         overlap = self._fft.ifft2(self._known * own.conj()).real

@@ -5,7 +5,7 @@ The result of a message is an identity (an identity or a footprint), a status (a
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
-from math import isfinite
+from math import inf, isfinite
 from operator import attrgetter
 from typing import Any, NamedTuple
 from uuid import UUID, uuid5
@@ -31,12 +31,21 @@ from ingest.languages.iso21423.iso_messages import (
     TrajectoryMessage,
 )
 from ingest.languages.iso21423.iso_rules import CHAPTERS, RULES
-from ingest.languages.iso21423.iso_status import MAX_POSITION_M, path_of, states_of, status_of
-from ingest.languages.model import Identity, Message, Rejection, Status, Update
+from ingest.languages.iso21423.iso_status import path_of, states_of, status_of
+from ingest.languages.model import (
+    MAX_POSITION,
+    MAX_SPEED_MPS,
+    MAX_TEXT,
+    Identity,
+    Message,
+    Rejection,
+    Status,
+    rejection_of,
+    update_of,
+)
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, stamp_of, time_of
-from ingest.languages.tolerance.value_reader import LEFT_OUT
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_required, stamp_of, time_of
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
@@ -44,7 +53,6 @@ ROBOT = "IMR"
 NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
 NO_OUTLINE = Outline(0.0, 0.0)
-MAX_REASON, MAX_TEXT, MAX_SPEED_MPS = 300, 100, 100.0
 NAMES = KnownNames(
     frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
 )
@@ -91,8 +99,7 @@ class IsoFrontEnd:
         try:
             return _read(raw, parsed, memory or NOTHING, findings)
         except RejectedError as rejected:
-            reason, found = rejected.reason[:MAX_REASON], (tuple(findings), tuple(findings.oddities))
-            return Rejection(rejected.rule, reason, parsed.sender.uuid, *found), memory
+            return rejection_of(rejected, parsed.sender.uuid, findings), memory
 
     def status(self, raw: bytes, memory: IsoMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
         return status_of("", memory, Findings()) if memory else None
@@ -130,7 +137,7 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     last_s = memory.heard_s.get(resource)
     if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
         findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
-        return _update(topic.sender.uuid, findings), memory
+        return update_of(topic.sender.uuid, findings), memory
     if stamp.is_known:
         memory = replace(memory, heard_s=memory.heard_s | {resource: stamp.t_s})
     if isinstance(message, OdometryMessage):
@@ -138,24 +145,16 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     if isinstance(message, IdentityMessage | FootprintMessage):
         memory = _with_body(message, memory, findings)
         if memory.identity is None:
-            return _update(topic.sender.uuid, findings), memory
+            return update_of(topic.sender.uuid, findings), memory
         return _identity(topic.sender.uuid, stamp, memory.identity, memory, findings), memory
     memory = _with_update(message, stamp, memory, findings)
-    return _update(topic.sender.uuid, findings), memory
+    return update_of(topic.sender.uuid, findings), memory
 
 
 def _decoded(resource: str, raw: bytes, findings: Findings, *, is_first: bool) -> IsoMessage:
     """The message of a resource. Raises `RejectedError` if it can't be understood."""
-    message, may_lack_keys = decoded(RESOURCES[resource], raw, findings, _LACKS_KEY[resource], NAMES, is_first=is_first)
-    for key in REQUIRED.get(resource, ()) if may_lack_keys else ():
-        if getattr(message, key) is None:
-            findings.note("key-absent", KEYS.get(key, key), None, LEFT_OUT)
-    return message
-
-
-def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
-    """Whether a required key is absent."""
-    return None in required(message)
+    keys = _LACKS_KEY[resource], _REQUIRED[resource]
+    return decoded(RESOURCES[resource], raw, findings, *keys, NAMES, is_first=is_first)
 
 
 def _lacks_key_of_pose(message: OdometryMessage) -> bool:
@@ -166,27 +165,25 @@ def _lacks_key_of_pose(message: OdometryMessage) -> bool:
     return pose.location_point.ccs_id is None or pose.orientation is None or pose.orientation.yaw is None
 
 
+_REQUIRED = {resource: [(key, KEYS.get(key, key)) for key in REQUIRED.get(resource, ())] for resource in RESOURCES}
+"""By resource, the required keys as attributes and as spelt in messages."""
 _LACKS_KEY: dict[str, Callable[[Any], bool]] = {
-    resource: partial(_lacks_key, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
+    resource: partial(lacks_required, attrgetter("timestamp", *REQUIRED.get(resource, ("timestamp",))))
     for resource in RESOURCES
 } | {"odometry": _lacks_key_of_pose}
 """By resource, whether a message is to be read anew, since a key may be there in another spelling."""
-
-
-def _update(uuid: str, findings: Findings) -> Update:
-    return Update(uuid, tuple(findings), tuple(findings.oddities))
 
 
 def _read_odometry(
     message: OdometryMessage, uuid: str, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings
 ) -> tuple[Message, IsoMemory]:
     pose = message.pose
-    if pose is None or abs(pose.location_point.x) > MAX_POSITION_M or abs(pose.location_point.y) > MAX_POSITION_M:
+    if pose is None or abs(pose.location_point.x) > MAX_POSITION or abs(pose.location_point.y) > MAX_POSITION:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
-    stamp = stamp if stamp.is_known else timestamps.assumed(memory.path_stamp_s)
+    stamp = stamp if stamp.is_known else timestamps.Stamp(memory.path_stamp_s, inf)
     memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
     status = status_of(uuid, memory, findings)
-    return status or _update(uuid, findings), memory
+    return status or update_of(uuid, findings), memory
 
 
 def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:

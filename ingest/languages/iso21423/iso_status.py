@@ -4,18 +4,14 @@ from math import nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages import timestamps
 from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import STATES, Speeds, TimedPoint
-from ingest.languages.model import NO_PATH, Path, Row, Status, beyond_turn
+from ingest.languages.model import MAX_POSITION, MAX_SPEED_MPS, NO_PATH, Path, Row, Status, beyond_turn
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 
-MAX_POSITION_M = 1e7
-MAX_SPEED_MPS = 100.0
-MOVING_MPS = 0.02
-DRIVING_MPS = 0.1
-"""A robot that is faster drives, whatever stops it reports."""
 MOST_POINTS = 200
 OUTDATED_S = 3.0
 """A trajectory that is so much older than the pose is not followed any more: it should come at least once a second."""
@@ -69,7 +65,7 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         memory.plan,
         NO_PATH if is_outdated else memory.path,
         tuple(findings),
-        is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVING_MPS),
+        is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVES_MPS),
         is_lost="LOST" in memory.states,
         oddities=tuple(findings.oddities),
         heading_sent=beyond_turn(yaw_rad),
@@ -116,7 +112,7 @@ def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findin
     datums: list[str] = []
     for row, point in enumerate(points[:MOST_POINTS]):
         at = point.location_point
-        if abs(at.x) > MAX_POSITION_M or abs(at.y) > MAX_POSITION_M:
+        if abs(at.x) > MAX_POSITION or abs(at.y) > MAX_POSITION:
             findings["point-absurd"] = None
         else:
             yaw_rad = point.orientation.yaw if point.orientation else None

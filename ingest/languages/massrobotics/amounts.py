@@ -9,10 +9,10 @@ from typing import Any
 from ingest.batch import Amounts
 from ingest.languages.massrobotics import path_points
 from ingest.languages.massrobotics.json_objects import Report, Velocity
+from ingest.languages.model import MAX_SPEED_MPS
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.value_reader import is_number, number_of
 
-MAX_SPEED_MPS = 100.0
 HOUR_S = 3600.0
 LOAD_USED_KEY = "loadPercentageUsed"
 """A key after the text of the standard (5.3.4). Its schema asks for what is still available."""

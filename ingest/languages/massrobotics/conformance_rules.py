@@ -4,58 +4,45 @@ A message that breaks a rejecting rule is rejected. A message that deviates from
 the rule says, and the deviation is counted. Codes are label values of metrics: they do not change.
 """
 
-from ingest.languages.rules import Rule, axes_rule, position_rule, size_rules, value_rules
-
-
-def _rejecting(code: str, sentence: str, clause: str) -> Rule:
-    return Rule(code, sentence, clause, rejects=True)
-
-
-def _in_context(code: str, sentence: str, clause: str) -> Rule:
-    return Rule(code, sentence, clause, alone=False)
-
+from ingest.languages.rules import (
+    Rule,
+    in_context,
+    owner_rules,
+    path_rules,
+    point_rules,
+    rejecting,
+    size_rules,
+    unit_rules,
+    value_rules,
+)
 
 _REJECTING = (
-    _rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "6.2"),
-    _rejecting("not-json", "Not JSON; send one JSON object a message.", "6.2"),
-    _rejecting("too-deep", "Nested more than 200 deep; no report is.", "6.2"),
-    _rejecting("not-object", "JSON, but no object; send one report a message.", "6.2"),
-    _rejecting("number-not-finite", "A required number is NaN or infinite; leave out what is not known.", "6.2"),
-    _rejecting("report-unknown", "Neither an identity nor a status report by its keys.", "schema"),
-    _rejecting("key-missing", "A required key is missing.", "schema"),
-    _rejecting("type-wrong", "A value without which the report says nothing can't be read.", "schema"),
-    _rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
-    _rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
-    Rule(
-        "uuid-of-another-vendor",
-        "The robot belongs to another vendor: the site file says so, or that vendor spoke for it first.",
-        "2.13",
-        rejects=True,
-        alone=False,
-    ),
-    Rule(
-        "robot-in-two-languages",
-        "The robot is heard in another standard already; send one.",
-        "2.13",
-        rejects=True,
-        alone=False,
-    ),
-    Rule(
+    rejecting("not-utf8", "Not UTF-8; send JSON text in UTF-8.", "6.2"),
+    rejecting("not-json", "Not JSON; send one JSON object a message.", "6.2"),
+    rejecting("too-deep", "Nested more than 200 deep; no report is.", "6.2"),
+    rejecting("not-object", "JSON, but no object; send one report a message.", "6.2"),
+    rejecting("number-not-finite", "A required number is NaN or infinite; leave out what is not known.", "6.2"),
+    rejecting("report-unknown", "Neither an identity nor a status report by its keys.", "schema"),
+    rejecting("key-missing", "A required key is missing.", "schema"),
+    rejecting("type-wrong", "A value without which the report says nothing can't be read.", "schema"),
+    rejecting("uuid-unreadable", "The UUID is none, and the vendor is not set to use names.", "2.13"),
+    rejecting("position-absurd", "The location lies more than ten thousand kilometres out.", "3.3"),
+    *owner_rules("2.13"),
+    rejecting(
         "robots-too-many",
         "A new UUID beyond the robots that the site allows a vendor or a source.",
         "2.13",
-        rejects=True,
         alone=False,
     ),
-    Rule("message-too-large", "Larger than the receiver's limit.", "6.1", rejects=True, alone=False),
+    rejecting("message-too-large", "Larger than the receiver's limit.", "6.1", alone=False),
 )
 _WHO = (
     Rule("uuid-upper-case", "The UUID has upper-case letters; folded to lower case.", "2.13"),
     Rule("uuid-no-dashes", "The UUID lacks dashes, or has braces, `urn:uuid:` or spaces about it; read.", "2.13"),
     Rule("uuid-not-rfc4122", "The UUID's version or variant is none of RFC 4122; used as it is.", "2.13"),
     Rule("uuid-is-name", "A name stands where a UUID belongs; the robot has a UUID derived from it.", "2.13"),
-    _in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
-    _in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
+    in_context("identity-missing", "A status before any identity; the default envelope is used.", "4.4"),
+    in_context("identity-changed", "The robot now names another maker, model, serial number or envelope.", "4.4"),
     *size_rules("4.1.6"),
     Rule("text-too-long", "A name or model is longer than 100 letters; cut.", "4.1"),
     Rule("text-empty", "A required text or an error code is empty; kept, the error code left out.", "4.1"),
@@ -78,11 +65,11 @@ _WHEN = (
         "5.1.2",
     ),
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
-    _in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
-    _in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
-    _in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
-    _in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
-    _in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),
+    in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
+    in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
+    in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
+    in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
+    in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),
 )
 _STATE = (
     Rule("state-alias", "The state is spelt otherwise than in the schema; read as the state meant.", "5.1.3"),
@@ -95,19 +82,18 @@ _WHERE = (
     Rule("datum-missing", "The location's datum is absent, empty or nil; compared with nothing.", "3.3.1"),
     Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
     Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
-    _in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
-    _in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
-    position_rule("3.3"),
-    axes_rule("3.3"),
+    in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
+    in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
+    *unit_rules("3.3"),
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
-    _in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
-    _in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
-    _in_context(
+    in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
+    in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
+    in_context(
         "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"
     ),
-    _in_context("speed-sign-lost", "The robot backs up with a positive speed; taken as negative.", "5.2.1"),
+    in_context("speed-sign-lost", "The robot backs up with a positive speed; taken as negative.", "5.2.1"),
 )
 _AMOUNTS = (
     Rule("battery-out-of-range", "The battery is not within 0 to 100 %; clamped.", "5.3.1"),
@@ -134,15 +120,9 @@ _WHERE_TO = (
     Rule("path-times-1970", "The points' times lie at the beginning of 1970; kept, for new times.", "5.3.3"),
     Rule("path-times-equal", "Two points have the same time; kept, for new times by speed.", "5.3.3"),
     Rule("path-unordered", "Points are not in the order of their times; kept, for new times.", "5.3.3"),
-    _in_context(
-        "path-datum-unknown",
-        "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
-        "5.3.3",
-    ),
-    _in_context("path-retimed", "The path was given new times by the robot's speed.", "5.3.3"),
-    _in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
-    Rule("point-unreadable", "A point has no place that can be read; the point is left out.", "3.3"),
-    Rule("point-time-unreadable", "A point's time is missing or can't be read; it is between its neighbours.", "3.3"),
+    *path_rules("5.3.3"),
+    in_context("path-contradicts-motion", "The path jumps further than the robot can go; used up to there.", "5.3.3"),
+    *point_rules("3.3"),
     Rule("point-absurd", "A point lies beyond 10,000 km, before 1970 or after 2100; left out.", "3.3"),
 )
 

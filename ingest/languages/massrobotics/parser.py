@@ -11,12 +11,14 @@ from ingest.languages.massrobotics.json_objects import Report
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.massrobotics.report_reader import decoded_report, parts_of
 from ingest.languages.model import (
+    MAX_TEXT,
     MOST_CODE_LETTERS,
     MOST_CODES,
     Identity,
     Rejection,
     Status,
     bounded_codes,
+    rejection_of,
 )
 from ingest.languages.rules import MOST_ODDITIES, Findings, RejectedError
 from ingest.languages.tolerance.spelling import nearest
@@ -25,11 +27,7 @@ from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import LEFT_OUT
 from ingest.sizes.stated_bodies import Figure
 
-MAX_REASON = 300
-"""Characters kept of a rejection's reason."""
 DATUM_PATH = "location.planarDatum"
-MAX_TEXT = 100
-"""Characters kept of a name: it is in every batch and advisory of its robot."""
 
 
 def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status | Rejection:
@@ -49,8 +47,7 @@ def read(raw: bytes, *, names_as_uuid: str | None = None) -> Identity | Status |
 
 def rejection(rejected: RejectedError, sent_uuid: object, names_as_uuid: str | None, findings: Findings) -> Rejection:
     """A rejected message, with its robot if the UUID that was sent can be read."""
-    uuid = _readable_uuid(rejected.sent_uuid or sent_uuid, names_as_uuid)
-    return Rejection(rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities))
+    return rejection_of(rejected, _readable_uuid(rejected.sent_uuid or sent_uuid, names_as_uuid), findings)
 
 
 def _readable_uuid(sent_uuid: object, names_as_uuid: str | None) -> str | None:

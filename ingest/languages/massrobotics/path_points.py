@@ -8,12 +8,10 @@ from operator import le, lt
 from ingest.languages import timestamps
 from ingest.languages.massrobotics import vocabulary
 from ingest.languages.massrobotics.json_objects import PredictedLocation, Quaternion
-from ingest.languages.model import NO_PATH, Path, Row
+from ingest.languages.model import MAX_POSITION, NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.settings import NIL_DATUM
 
-MAX_POSITION = 1e7
-"""Metres or degrees. A location beyond it is absurd."""
 PATH_S, DESTINATIONS_S = 10.0, 900.0
 """How far ahead the standard lets a path and destinations reach."""
 MOST_POINTS = 10

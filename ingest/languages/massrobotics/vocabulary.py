@@ -4,13 +4,12 @@ import re
 from functools import lru_cache
 from uuid import UUID, uuid5
 
+from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages.rules import Findings, RejectedError
 from ingest.settings import NIL_DATUM
 
 NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")
 """Namespace of the UUIDs of robots that are known by name."""
-DRIVING_MPS = 0.1
-"""A robot that is faster drives, whatever its state is called."""
 MAX_WORD = 80
 """Characters kept of a datum or state that the standard does not know."""
 
@@ -145,4 +144,4 @@ def state(text: str, findings: Findings) -> tuple[str, bool]:
 
 def by_motion(state: str, linear_mps: float | None) -> str:
     """The state of a robot that sent none of the standard's: a robot that drives is navigating."""
-    return "navigating" if linear_mps is not None and abs(linear_mps) > DRIVING_MPS else state
+    return "navigating" if linear_mps is not None and abs(linear_mps) > DRIVES_MPS else state

@@ -1,9 +1,10 @@
 """From the bytes of a message to a model of it, as far as its meaning is clear. Languages of brokers share it."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, cast
+from types import NoneType, UnionType
+from typing import Any, NamedTuple, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 from pydantic_core import from_json
@@ -11,9 +12,8 @@ from pydantic_core import from_json
 from ingest.languages import timestamps
 from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
-from ingest.languages.tolerance.null_free import null_free
 from ingest.languages.tolerance.value_kinds import object_kind
-from ingest.languages.tolerance.value_reader import ValueReader
+from ingest.languages.tolerance.value_reader import LEFT_OUT, ValueReader
 
 _HALF_LETTER = re.compile(rb"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
 """One of the two halves by which JSON writes some letters. Senders cut texts between them."""
@@ -45,11 +45,12 @@ def decoded(
     raw: bytes,
     findings: Findings,
     lacks_key: Callable[[Any], bool],
+    required: Iterable[tuple[str, str]],
     names: KnownNames,
     *,
     is_first: bool,
-) -> tuple[Model, bool]:
-    """The message as a model whose keys are all optional, and whether it has to be looked at for absent keys.
+) -> Model:
+    """The message as a model whose keys are all optional. `required` keys are attributes with their spelling.
 
     A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
     the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
@@ -62,8 +63,17 @@ def decoded(
             pass
         else:
             if not lacks_key(message):
-                return message, False
-    return _repaired(model, raw, findings, names), True
+                return message
+    message = _repaired(model, raw, findings, names)
+    for key, spelling in required:
+        if getattr(message, key) is None:
+            findings.note("key-absent", spelling, None, LEFT_OUT)
+    return message
+
+
+def lacks_required(required: Callable[[Any], Any], message: Any) -> bool:
+    """Whether a required key is absent."""
+    return None in required(message)
 
 
 def document(raw: bytes) -> dict[str, Any]:
@@ -127,7 +137,28 @@ class _Anything(msgspec.Struct):
 
 @cache
 def _decoder(model: type[msgspec.Struct]) -> msgspec.json.Decoder[Any]:
-    return msgspec.json.Decoder(null_free(model))
+    return msgspec.json.Decoder(_null_free(model))
+
+
+@cache
+def _null_free(struct: type[msgspec.Struct]) -> type[msgspec.Struct]:
+    """A kind of `struct` whose keys may be absent as before, but not null: such a message is read value by value."""
+    fields: list[Any] = []
+    for field in msgspec.structs.fields(struct):
+        kind = _without_null(field.type)
+        fields.append((field.name, kind) if field.required else (field.name, kind, field.default))
+    return msgspec.defstruct(struct.__name__, fields, bases=(struct,), frozen=True, gc=False, kw_only=True)
+
+
+def _without_null(annotation: Any) -> Any:
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        return _without_null(next(each for each in arguments if each is not NoneType))
+    if origin is list:
+        return list[_without_null(arguments[0])]  # type: ignore[misc]
+    if isinstance(annotation, type) and issubclass(annotation, msgspec.Struct):
+        return _null_free(annotation)
+    return annotation
 
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:

@@ -5,9 +5,9 @@ from math import hypot
 import msgspec
 
 from ingest.frames.assumed_motion import DRIVES_MPS
+from ingest.languages.model import MAX_SPEED_MPS
 from ingest.languages.vda5050.vda_messages import StateMessage, Velocity2d
 
-MAX_SPEED_MPS = 100.0
 FADES = 0.9
 """Each base end makes those before count less by this factor."""
 WITH_HORIZON, WITHOUT_HORIZON = (2.0, 1.0), (0.5, 1.5)

@@ -1,6 +1,6 @@
 """Factsheets: who a robot is, how large, and how it can drive."""
 
-from ingest.languages.model import Identity
+from ingest.languages.model import MAX_SPEED_MPS, MAX_TEXT, Identity
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import Stamp
@@ -10,8 +10,7 @@ from ingest.languages.vda5050.vda_messages import FactsheetMessage, PhysicalPara
 from ingest.settings import MOST_BODY_M
 from ingest.sizes.stated_bodies import Figure
 
-MAX_TEXT, MOST_LOAD_SETS = 100, 20
-MAX_SPEED_MPS = 100.0
+MOST_LOAD_SETS = 20
 _NO_TYPE, _NO_PARAMETERS = TypeSpecification(), PhysicalParameters()
 
 

@@ -9,6 +9,7 @@ from operator import itemgetter
 
 import msgspec
 
+from ingest.languages.model import MAX_POSITION
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of
 from ingest.languages.vda5050.trajectories import Polyline, polyline
@@ -18,7 +19,6 @@ MOST_NODES = 3000
 """Nodes of an order that are kept."""
 MOST_CURVE_POINTS = 4000
 """Points of an order's curves that are kept. Further edges count as straight."""
-MAX_POSITION_M = 1e7
 _NUMBER = itemgetter(0)
 DRIVING_STOPS = frozenset(("SOFT", "HARD"))
 """Blocking types of actions during which a robot does not drive."""
@@ -182,7 +182,7 @@ def _node(node: VdaNode) -> OrderNode:
 
 def on_earth(place: NodePlace | None) -> NodePlace | None:
     """The place of a node. None if it lies off any floor."""
-    return place if place and abs(place.x) <= MAX_POSITION_M and abs(place.y) <= MAX_POSITION_M else None
+    return place if place and abs(place.x) <= MAX_POSITION and abs(place.y) <= MAX_POSITION else None
 
 
 def _edge(edge: Edge, is_curve_kept: bool, findings: Findings) -> OrderEdge:

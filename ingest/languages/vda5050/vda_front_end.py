@@ -15,12 +15,12 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.model import Message, Rejection, Status, Update
+from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
-from ingest.languages.vda5050.orders import MAX_POSITION_M, is_base_extended, order_of, with_update
+from ingest.languages.vda5050.orders import is_base_extended, order_of, with_update
 from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -39,8 +39,6 @@ ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
 PREFIXES = ("uagv/v2", "vda5050/v3")
 """What stands before the manufacturer in topics of 2.x and 3.0, as the standard suggests."""
-MAX_REASON = 300
-MAX_NAME = 100
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("state", "visualization"))
 _BROKEN = frozenset(("CONNECTIONBROKEN", "CONNECTION_BROKEN"))
@@ -83,13 +81,10 @@ class VdaFrontEnd:
         if parsed is None or parsed.kind not in KINDS:
             reason = f"topic {topic[-60:]!r} is not MANUFACTURER/SERIAL/ and one of {', '.join(KINDS)}"
             return Rejection("topic-unknown", reason), memory
-        uuid = parsed.sender.uuid
         try:
             return _read(raw, parsed, before, findings)
         except RejectedError as rejected:
-            return Rejection(
-                rejected.rule, rejected.reason[:MAX_REASON], uuid, tuple(findings), tuple(findings.oddities)
-            ), memory
+            return rejection_of(rejected, parsed.sender.uuid, findings), memory
 
     def status(self, raw: bytes, memory: VdaMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
         return status_of("", memory, Findings()) if memory else None
@@ -118,7 +113,7 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
         return None
     manufacturer, serial, kind = parts[-3:]
     uuid = robot_uuid(manufacturer, serial)
-    return _VdaTopic(TopicSender(uuid, manufacturer[:MAX_NAME], serial[:MAX_NAME]), kind)
+    return _VdaTopic(TopicSender(uuid, manufacturer[:MAX_TEXT], serial[:MAX_TEXT]), kind)
 
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
@@ -133,7 +128,7 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
-        return _update(topic, findings), memory
+        return update_of(topic.sender.uuid, findings), memory
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
     if isinstance(message, VdaMotion):
         return _read_motion(message, topic, stamp, memory, changes, findings)
@@ -151,11 +146,7 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
         memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_order_newer, bases=bases)
     elif isinstance(message, ConnectionMessage):
         memory = _with_connection(memory, message.connection_state or "", heard)
-    return _update(topic, findings), memory
-
-
-def _update(topic: _VdaTopic, findings: Findings) -> Update:
-    return Update(topic.sender.uuid, tuple(findings), tuple(findings.oddities))
+    return update_of(topic.sender.uuid, findings), memory
 
 
 def _is_last_will(message: Header) -> bool:
@@ -171,7 +162,7 @@ def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMem
 
 def _compare_names(message: Header, sender: TopicSender, findings: Findings) -> None:
     """Topics may replace characters that brokers do not allow, so only letters and digits are compared."""
-    named = tuple(_plain((name or "")[:MAX_NAME]) for name in (message.manufacturer, message.serial_number))
+    named = tuple(_plain((name or "")[:MAX_TEXT]) for name in (message.manufacturer, message.serial_number))
     if any(named) and named != (_plain(sender.manufacturer), _plain(sender.serial)):
         findings.note("robot-not-of-topic", "serialNumber", message.serial_number, "as the topic says")
 
@@ -197,12 +188,12 @@ def _read_motion(
     if position is None:
         key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
         findings.note("position-missing", key, None, "where it was last seen")
-    elif not (abs(position.x) <= MAX_POSITION_M and abs(position.y) <= MAX_POSITION_M):
+    elif not (abs(position.x) <= MAX_POSITION and abs(position.y) <= MAX_POSITION):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
     elif is_newest:
         stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
-        return status or _update(topic, findings), memory
-    return _update(topic, findings), msgspec.structs.replace(memory, **changes)
+        return status or update_of(topic.sender.uuid, findings), memory
+    return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)

@@ -8,8 +8,7 @@ from typing import Any
 from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded
-from ingest.languages.tolerance.value_reader import LEFT_OUT
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required
 from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
 
 _READABLE = ("2.", "3.")
@@ -44,34 +43,21 @@ def read_message(kind: str, raw: bytes, findings: Findings, *, is_first: bool) -
 
     `is_first` if it is the robot's first of this kind, or if the last one had keys in another spelling.
     """
-    message, may_lack_keys = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], NAMES, is_first=is_first)
-    if may_lack_keys:
-        _note_absent(kind, message, findings)
+    message = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], _REQUIRED[kind], NAMES, is_first=is_first)
     version = message.version
     if version and not version.startswith(_READABLE) and version not in {"2", "3"}:
         findings.note("version-unknown", "version", version, "2.x or 3.x")
     return message
 
 
-def _lacks_key(required: Callable[[Any], Any], message: Any) -> bool:
-    """Whether a required key is absent."""
-    return None in required(message)
-
-
 def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:
     """Whether a key is absent that is required or, of a pose, used."""
     position = message.mobile_robot_position or message.agv_position
-    return position is None or position.map_id is None or position.theta is None or None in required(message)
+    return position is None or position.map_id is None or position.theta is None or lacks_required(required, message)
 
 
 _LACKS_KEY = {
-    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else _lacks_key, attrgetter(*keys))
+    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else lacks_required, attrgetter(*keys))
     for kind, keys in REQUIRED.items()
 }
 """By kind, whether a message is to be read anew, since a key may be there in another spelling."""
-
-
-def _note_absent(kind: str, message: Header, findings: Findings) -> None:
-    for key, name in _REQUIRED[kind]:
-        if getattr(message, key) is None:
-            findings.note("key-absent", name, None, LEFT_OUT)

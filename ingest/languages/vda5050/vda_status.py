@@ -1,17 +1,25 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import nan, pi, remainder
+from math import inf, nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
-from ingest.frames.assumed_motion import DRIVES_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages import timestamps
-from ingest.languages.model import NO_PATH, Path, Row, Status, beyond_turn, bounded_codes
+from ingest.languages.model import (
+    MAX_POSITION,
+    MAX_SPEED_MPS,
+    NO_PATH,
+    Path,
+    Row,
+    Status,
+    beyond_turn,
+    bounded_codes,
+)
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
-from ingest.languages.vda5050.base_ends import MAX_SPEED_MPS, speed_mps
+from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
-from ingest.languages.vda5050.orders import MAX_POSITION_M
 from ingest.languages.vda5050.trajectories import polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -25,7 +33,6 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.sizes.stated_loads import StatedLoad
 
-MOVING_MPS = 0.02
 MOST_WAYPOINTS = 200
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
@@ -180,7 +187,7 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
     """The path that a robot has planned itself, with its own times."""
     rows: list[Row] = []
     for number, point in enumerate(sent.polyline[:MOST_WAYPOINTS] if sent else ()):
-        if abs(point.x) > MAX_POSITION_M or abs(point.y) > MAX_POSITION_M:
+        if abs(point.x) > MAX_POSITION or abs(point.y) > MAX_POSITION:
             findings["point-absurd"] = None
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
@@ -200,7 +207,7 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
 
 def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
     """In place of the stamp of a pose that has none: the time of the path that came with it."""
-    return timestamps.assumed(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())))
+    return timestamps.Stamp(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())), inf)
 
 
 def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:

@@ -17,7 +17,7 @@ from aiomqtt import Client, Message, MqttError
 
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.measures.measures import Measures
-from ingest.measures.outages import OutageLog
+from ingest.measures.outages import STEADY_S, OutageLog, backoff_s
 from ingest.port.brokers.mqtt_source import MqttSource
 from ingest.port.connection import Connection
 from ingest.port.receiver import Receiver
@@ -31,8 +31,6 @@ LONGEST_TOPIC = 400
 KEEPALIVE_S = 15
 """A broker that answers nothing for about this long is gone."""
 TIMEOUT_S = 10.0
-STEADY_S = 30.0
-"""A connection that lasted this long resets the back-off, and its loss is logged."""
 
 log = logging.getLogger(__name__)
 
@@ -81,19 +79,12 @@ class BrokerSource:
             finally:
                 self.is_connected = False
             failures = 0 if now_s() - began_s > STEADY_S else failures + 1
-            await asyncio.sleep(self._wait_s(failures))
-
-    def _wait_s(self, failures: int) -> float:
-        """It doubles with each failure, within bounds. A random part is taken off, so that sources do not agree."""
-        first_s, longest_s = self.settings.retry_s
-        return min(first_s * 2.0 ** min(max(failures - 1, 0), 30), longest_s) * self._random.uniform(0.5, 1.0)
+            await asyncio.sleep(backoff_s(self.settings.retry_s, failures, self._random))
 
     def _note_failure(self, error: Exception, *, was_steady: bool) -> None:
         """Count it, and log the first of several in a row; of a broker that comes and goes, not every outage."""
         self._measures.count("deconflict_broker_failures_total", self.settings.name)
-        if was_steady:
-            self._outages.was_steady()
-        more = self._outages.failed()
+        more = self._outages.failed(was_steady=was_steady)
         if more is not None:
             log.warning("the broker %s can't be heard: %s; trying until it answers%s", self.settings.name, error, more)
 

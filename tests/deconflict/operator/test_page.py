@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 
 from deconflict.simulation.demo.demo_site import demo_site
+from tests.deconflict.roles.made_service import free_ports
 from tests.deconflict.roles.role_processes import children
 from tests.helpers.patience import PATIENCE_S
 
@@ -39,7 +39,7 @@ class Service:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._robots, self._face = free_ports()
+        self._robots, self._face = free_ports(2)
         self._site = directory / "site.toml"
         ports = f"\n[receiver]\nport = {self._robots}\n\n[operator]\nport = {self._face}\n"
         self._site.write_text(demo_site().read_text() + ports)
@@ -71,11 +71,6 @@ class Service:
             self._running[command] = subprocess.Popen(
                 [sys.executable, "-m", "deconflict", command, *arguments], stdout=log, stderr=log
             )
-
-
-def free_ports() -> tuple[int, int]:
-    with socket.create_server(("127.0.0.1", 0)) as sock, socket.create_server(("127.0.0.1", 0)) as other:
-        return sock.getsockname()[1], other.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

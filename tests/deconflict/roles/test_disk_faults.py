@@ -270,7 +270,7 @@ def test_segments_that_a_full_disk_does_not_take_packed_stay_plain_and_are_packe
     writer.tick(NOW_S)
     assert writer.sync()
     settle(writer)
-    assert "No space left" in (writer.packing_failing or "")
+    assert "No space left" in (writer.files.packer.failing or "")
     assert writer.failing
     assert seconds(folder) == list(range(12))
     assert not list(folder.glob("*.zst"))
@@ -279,7 +279,7 @@ def test_segments_that_a_full_disk_does_not_take_packed_stay_plain_and_are_packe
     monkeypatch.setattr(log_packing, "RETRY_S", 0.0)
     monkeypatch.setattr(log_rotation, "RETRY_S", 0.0)
     ticks(folder, range(12, 18), writer)
-    assert not writer.packing_failing
+    assert not writer.files.packer.failing
     assert not writer.failing
     assert names(folder).count("packed") >= 3
     assert seconds(folder) == list(range(18))

@@ -149,7 +149,7 @@ async def test_a_stalled_disk_delays_no_batch_and_loses_nothing(
             await socket.send(status("A-1", time.time()))
             while not len(batch):
                 batch, ticks = Batch.from_bytes(await engine.call("batch")), ticks + 1
-            assert role.recorder.behind
+            assert role.recorder.writer.waiting
             go_on.set()
         events, unreadable = read(tmp_path / "log")
     finally:

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path.loader import load
-from ingest.fast_path.repeat_status import RepeatReader
+from ingest.fast_path.repeat_status import RepeatReader, load
 from ingest.fast_path.status_scanner import ScannedStatus
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -313,7 +312,7 @@ def test_changed_settings_end_the_reading_of_repeated_statuses(repeats: list[boo
         receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True, True]
     receiving_fleet.reconfigure(
-        receiving_fleet.vendors, FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0))
+        receiving_fleet.owners.vendors, FrameRegistry((), ()), Reading(default_envelope_m=(3.0, 2.0, 0.0))
     )
     path = points((NOW_S + 5, 5.0, 0.0, 0.0))
     receiving_fleet.receive(status("R", NOW_S + 4, 4.0, velocity={"linear": 1.0}, path=path), NOW_S + 4, LINES[0])

@@ -70,7 +70,7 @@ def test_robots_of_one_kind_share_a_context_until_settings_change() -> None:
     first, second, other = (receiving_fleet.robots[robot(name)] for name in ("A-1", "A-2", "B-1"))
     assert first.context is second.context is not other.context
     receiving_fleet.reconfigure(
-        receiving_fleet.vendors,
+        receiving_fleet.owners.vendors,
         FrameRegistry((Datum(id=HALL, name="Hall"),), ()),
         Reading(horizon_s=5.0, quiet_after_s=3.0),
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ingest.fast_path.loader import load
+from ingest.fast_path.repeat_status import load
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.recovery.log_recovery import recover
 from ingest.port.connection import Connection

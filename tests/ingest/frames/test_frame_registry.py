@@ -45,7 +45,7 @@ def frames(*maps: VendorMap) -> FrameRegistry:
 
 
 def placed(frame: Frame, poses: Floats) -> Floats:
-    return np.array(frame.placed([(x, y, yaw_rad) for x, y, yaw_rad in poses.tolist()]))
+    return np.array([frame.pose(*pose) for pose in poses.tolist()])
 
 
 def as_read(truth: Affine, floor: Floats) -> Floats:
@@ -109,16 +109,16 @@ def test_an_unknown_heading_stays_unknown_in_every_frame() -> None:
 def test_a_frame_is_mirrored_where_turns_go_the_other_way(count: int, mirrored: bool) -> None:
     readings = HALL[:count] * (1.0, -1.0 if mirrored else 1.0)
     found = frames(own_map(readings, mirrored=mirrored))
-    for datum, here in (("own", tuple(readings[1])), ("hall", (1.0, 2.0)), ("yard", HOME), ("elsewhere", (1.0, 2.0))):
+    for datum, (x, y) in (("own", tuple(readings[1])), ("hall", (1.0, 2.0)), ("yard", HOME), ("elsewhere", (1.0, 2.0))):
         frame = found.frame("acme", datum)
-        (_, _, before), (_, _, after) = frame.placed([(*here, 0.3), (*here, 0.4)])
+        (_, _, before), (_, _, after) = frame.pose(x, y, 0.3), frame.pose(x, y, 0.4)
         assert frame.mirrored == (turn_between(before, after) < 0) == (mirrored if datum == "own" else datum == "yard")
 
 
-def test_a_datum_in_metres_is_the_floors_frame_and_costs_nothing() -> None:
-    poses = [(1.0, 2.0, 0.5)]
-    assert frames().frame("acme", "hall").placed(poses) is poses
-    assert frames().frame("acme", "elsewhere").placed(poses) is poses
+def test_a_datum_in_metres_is_the_floors_frame() -> None:
+    pose = 1.0, 2.0, 0.5
+    assert frames().frame("acme", "hall").pose(*pose) == pose
+    assert frames().frame("acme", "elsewhere").pose(*pose) == pose
 
 
 def test_a_datum_in_degrees_is_left_handed() -> None:
@@ -140,9 +140,9 @@ def test_a_vendors_metres_fit_reference_points_in_degrees() -> None:
 
 def test_a_vendors_own_map_goes_before_the_sites_datum_of_that_name() -> None:
     found = frames(own_map(HALL + 100.0, datum="hall"))
-    pose = [(110.0, 105.0, 0.0)]
-    np.testing.assert_allclose(found.frame("acme", "hall").placed(pose), [[10.0, 5.0, 0.0]], atol=1e-9)
-    assert found.frame("other", "hall").placed(pose) is pose
+    pose = 110.0, 105.0, 0.0
+    np.testing.assert_allclose(found.frame("acme", "hall").pose(*pose), [10.0, 5.0, 0.0], atol=1e-9)
+    assert found.frame("other", "hall").pose(*pose) == pose
 
 
 def test_what_the_site_does_not_know_is_a_floor_of_its_own_for_all_who_name_it() -> None:

@@ -25,10 +25,15 @@ def differences(transform: Adjusted | Affine, point: Floats) -> Floats:
     return (ends[:2] - ends[2:]).T / (2 * h)
 
 
+def linear_at(transform: Adjusted, point: Floats) -> Floats:
+    """The linear part at a point as the map states it, (2, 2)."""
+    return np.array(transform.at(*point.tolist())[2:]).reshape(2, 2)
+
+
 def smooth_at(transform: Adjusted, point: Floats) -> bool:
     """Whether the linear part is the same all round a point, so that no edge passes through."""
     round_it = point + 1e-4 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [0, 0]])
-    linear = transform.place(round_it)[1]
+    linear = np.array([linear_at(transform, each) for each in round_it])
     return bool(np.ptp(linear, axis=0).max() < 1e-4)
 
 
@@ -52,7 +57,7 @@ def test_the_linear_part_is_the_derivative_of_the_map(seed: int, place: tuple[fl
     transform, _ = adjusted(seed)
     point = np.array(place)
     assume(smooth_at(transform, point))
-    local = transform.place(point[None])[1][0]
+    local = linear_at(transform, point)
     np.testing.assert_allclose(local, differences(transform, point), atol=1e-7)
 
 
@@ -71,7 +76,7 @@ def test_three_points_along_a_wall_do_not_give_wrong_headings() -> None:
     share, _ = transform.bend()
     assert share < 0.02
     np.testing.assert_allclose(transform(wall), TURNED(wall) + jolted, atol=1e-9)
-    beside_the_wall = transform.place(np.array([[9.0, 0.001]]))[1][0]
+    beside_the_wall = linear_at(transform, np.array([9.0, 0.001]))
     assert np.abs(beside_the_wall - TURNED.matrix).max() < 0.02
 
 

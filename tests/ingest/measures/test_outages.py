@@ -1,4 +1,8 @@
-from ingest.measures.outages import QUIET_S, OutageLog
+from random import Random
+
+import pytest
+
+from ingest.measures.outages import QUIET_S, OutageLog, backoff_s
 
 
 class Clock:
@@ -45,5 +49,13 @@ def test_the_outage_of_one_that_worked_for_long_is_logged() -> None:
     outages = OutageLog(Clock())
     outages.failed()
     outages.worked()
-    outages.was_steady()
-    assert outages.failed() == ""
+    assert outages.failed(was_steady=True) == ""
+
+
+def test_waits_double_from_the_first_to_the_longest() -> None:
+    random, longest = Random(1), []
+    for failures in (0, 1, 2, 3, 7, 5000):
+        waits = [backoff_s((0.5, 30.0), failures, random) for _ in range(300)]
+        assert min(waits) >= max(waits) / 2.1
+        longest.append(max(waits))
+    assert longest == pytest.approx([0.5, 0.5, 1.0, 2.0, 30.0, 30.0], rel=0.02)

@@ -12,8 +12,9 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from ingest.measures.measures import Measures
+from ingest.measures.outages import STEADY_S
 from ingest.port.connection import Connection
-from ingest.port.dialer import STEADY_S, Dialer
+from ingest.port.dialer import Dialer
 from ingest.port.receiver import Receiver
 from ingest.security.vendor_credentials import VendorCredentials
 from ingest.settings import ReceiverSettings
@@ -175,17 +176,6 @@ async def test_an_invalid_address_is_logged_and_given_up(caplog: pytest.LogCaptu
     async with asyncio.timeout(PATIENCE_S):
         await dialled.dialer.run()
     assert "mend the dial address of Alder" in caplog.text
-
-
-def test_waits_double_from_the_first_to_the_longest() -> None:
-    dialled = Dialled("ws://fleet.example", dial_backoff_s=(0.5, 30.0))
-    longest = []
-    for failures in (0, 1, 2, 3, 7, 5000):
-        dialled.dialer.failures = failures
-        waits = [dialled.dialer.wait_s() for _ in range(300)]
-        assert min(waits) >= max(waits) / 2.1
-        longest.append(max(waits))
-    assert longest == pytest.approx([0.5, 0.5, 1.0, 2.0, 30.0, 30.0], rel=0.02)
 
 
 async def test_a_connection_that_lasted_resets_the_back_off() -> None:

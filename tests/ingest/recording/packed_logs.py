@@ -26,7 +26,7 @@ def ticks(directory: Path, seconds: Iterable[int], writer: Recorder | None = Non
 
 def settle(writer: Recorder) -> None:
     """Wait until what is due is packed."""
-    writer._files.packer.close(PATIENCE_S)
+    writer.files.packer.close(PATIENCE_S)
 
 
 def seconds(*paths: Path) -> list[int]:

@@ -196,7 +196,7 @@ class HttpProtocol(H11Protocol):
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]
         """Called when the connection is accepted, and with TLS once more after the handshake."""
         handshakes: TlsHandshakes | None = self._state.handshakes
-        if handshakes is not None and handshakes.awaited(transport):
+        if handshakes is not None and transport.get_extra_info("sslcontext") is None:
             newcomers: Newcomers = self._state.newcomers
             if len(newcomers) >= min(self._state.places.most, MOST_HANDSHAKES):
                 count_refused(self._state, "face-full")

@@ -43,7 +43,7 @@ def driven(log: Path, seconds: int, keeps: bool = False) -> dict[int, str]:
         picture.add_batch(fleet.snapshot(now_s), whole=True)
         seen[second] = picture.since(0)
         if keeps:
-            kept.write(recorder.leaving_before_s, now_s)
+            kept.write(recorder.files.leaving_before_s, now_s)
     recorder.close()
     return seen
 

@@ -28,9 +28,9 @@ from tests.helpers.patience import PATIENCE_S
 
 SECRET = "a secret that both ends know"  # noqa: S105
 
-needs_mosquitto = pytest.mark.skipif(
-    not shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin"), reason="mosquitto is not installed"
-)
+MOSQUITTO = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin")
+"""None if it is not installed."""
+needs_mosquitto = pytest.mark.skipif(MOSQUITTO is None, reason="mosquitto is not installed")
 
 
 @asynccontextmanager
@@ -87,9 +87,8 @@ def hearing(*answers: int, tls: ssl.SSLContext | None = None) -> Iterator[Hearer
 async def broker(port: int = 0, *, settings: Path | None = None) -> AsyncIterator[int]:
     """A broker without any memory, and its port. `settings` is a file of its own, which has the port, too."""
     port = port or free_ports(1)[0]
-    mosquitto = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin") or ""
     server = subprocess.Popen(
-        [mosquitto, *(("-c", str(settings)) if settings else ("-p", str(port)))],
+        [str(MOSQUITTO), *(("-c", str(settings)) if settings else ("-p", str(port)))],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

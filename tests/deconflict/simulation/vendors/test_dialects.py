@@ -115,7 +115,7 @@ def test_the_maps_of_the_bundled_site_put_basalts_robots_at_their_true_positions
         reading = read(DIALECTS[VendorName.BASALT].messages(robot, NOW_S)[-1])
         assert isinstance(reading, Status)
         frame = frames.frame("Basalt", reading.datum)
-        x, y, yaw = frame.placed([(reading.x, reading.y, reading.yaw_rad)])[0]
+        x, y, yaw = frame.pose(reading.x, reading.y, reading.yaw_rad)
         assert frame.floor == SITE_MAPS[robot.floor].datum
         assert np.hypot(x - robot.x_m, y - robot.y_m) < 0.02
         assert np.cos(yaw - robot.yaw_rad) > np.cos(0.002)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ingest.fast_path.loader import load
+from ingest.fast_path.repeat_status import load
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.admission import (

@@ -81,7 +81,7 @@ def test_a_robot_that_is_given_to_a_vendor_begins_anew_as_its_own() -> None:
     receiving_fleet = fleet(ALDER, BASALT)
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, FROM_BASALT)
     receiving_fleet.next_batch(NOW_S)
-    assert receiving_fleet.owners.problem_of_giving(robot("A-1"), "Alder") == ""
+    assert receiving_fleet.owners.vendors.problem_of_giving(robot("A-1"), "Alder") == ""
     receiving_fleet.give(robot("A-1"), "Alder")
     assert list(receiving_fleet.next_batch(NOW_S + 1).gone) == [robot("A-1")]
     assert receiving_fleet.receive(status("A-1", NOW_S + 1), NOW_S + 1, FROM_BASALT) == REFUSED
@@ -91,8 +91,8 @@ def test_a_robot_that_is_given_to_a_vendor_begins_anew_as_its_own() -> None:
 
 def test_a_robot_of_the_site_file_is_not_given_away_and_none_to_an_unknown_vendor() -> None:
     receiving_fleet = fleet(ALDER, Vendor(name="Basalt", robots=(robot("B-1"),)))
-    assert "change vendors.robots" in receiving_fleet.owners.problem_of_giving(robot("B-1"), "Alder")
-    assert "in no site file" in receiving_fleet.owners.problem_of_giving(robot("A-1"), "Nobody")
+    assert "change vendors.robots" in receiving_fleet.owners.vendors.problem_of_giving(robot("B-1"), "Alder")
+    assert "in no site file" in receiving_fleet.owners.vendors.problem_of_giving(robot("A-1"), "Nobody")
 
 
 def test_nobody_can_take_the_uuid_of_a_robot_that_its_vendor_will_name() -> None:

@@ -29,8 +29,8 @@ def seen(*sightings: Sighting) -> tuple[Claim, ...]:
 
 def test_a_refused_report_stands_until_none_has_come_for_a_while() -> None:
     claims = OwnershipClaims()
-    claims.add_refused("r", "Alder", "Mallory", NOW_S)
-    claims.add_refused("s", "Alder", "Mallory", NOW_S + 5)
+    claims.add("r", "Alder", "Mallory", NOW_S)
+    claims.add("s", "Alder", "Mallory", NOW_S + 5)
     claim = Claim("Alder", "Mallory", ("r", "s"), 2, NOW_S)
     assert claims.standing(NOW_S + 5 + HELD_S) == (claim,)
     assert claims.standing(NOW_S + 5.1 + HELD_S) == ()
@@ -65,8 +65,8 @@ def test_clocks_hours_apart_do_not_hide_a_robot_in_two_places() -> None:
 def test_claims_are_bounded_whatever_is_claimed() -> None:
     claims = OwnershipClaims()
     for i in range(2 * MOST_COUNTED):
-        claims.add_refused(f"r{i}", "Alder", "Mallory", NOW_S)
-        claims.add_refused("r", "Alder", f"Mallory {i}", NOW_S)
+        claims.add(f"r{i}", "Alder", "Mallory", NOW_S)
+        claims.add("r", "Alder", f"Mallory {i}", NOW_S)
     standing = claims.standing(NOW_S)
     assert len(standing) == MOST_CLAIMS
     (much,) = [claim for claim in standing if claim.claimant == "Mallory"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path.loader import load
+from ingest.fast_path.repeat_status import load
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.port.connection import Connection

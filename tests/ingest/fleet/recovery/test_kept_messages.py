@@ -86,7 +86,7 @@ def test_a_robot_that_reports_rarely_comes_back_from_beyond_the_segments_that_ar
         take(status("A-2", now[0], y=float(second)))
         recorder.tick(now[0])
         assert recorder.sync()
-        kept.write(recorder.leaving_before_s, now[0])
+        kept.write(recorder.files.leaving_before_s, now[0])
     recorder.close()
     assert len(segments(log)) > 4
     again = restored(tmp_path, now[0], ALDER, log=log)

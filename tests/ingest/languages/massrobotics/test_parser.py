@@ -7,11 +7,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from ingest.languages.massrobotics import parser
 from ingest.languages.massrobotics.conformance_rules import RULES
 from ingest.languages.massrobotics.message_document import message_document
 from ingest.languages.massrobotics.parser import read
-from ingest.languages.model import Identity, Path, Rejection, Status
+from ingest.languages.model import MAX_REASON, MAX_TEXT, Identity, Path, Rejection, Status
 from ingest.languages.rules import RejectedError
 from tests.helpers.saying import HALL, angle, identity, points, robot, stamp, status
 from tests.helpers.vectors import VECTORS, T, Vector, at, here, named, said, with_null
@@ -52,7 +51,7 @@ def test_a_rejection_names_the_rule_and_the_reason(vector: Vector) -> None:
     assert isinstance(message, Rejection)
     assert message.rule == vector.rejected
     assert RULES[message.rule].rejects
-    assert 10 < len(message.reason) <= parser.MAX_REASON
+    assert 10 < len(message.reason) <= MAX_REASON
     for where, expected in vector.reads.items():
         assert getattr(message, where) == expected
 
@@ -166,7 +165,7 @@ def test_a_reason_is_short_however_long_the_message() -> None:
     ):
         message = read(raw)
         assert isinstance(message, Rejection)
-        assert len(message.reason) <= parser.MAX_REASON
+        assert len(message.reason) <= MAX_REASON
 
 
 def test_a_rejection_says_what_had_been_found_by_then() -> None:
@@ -175,7 +174,7 @@ def test_a_rejection_says_what_had_been_found_by_then() -> None:
     assert message.findings == ("uuid-upper-case", "stamp-unreadable")
 
 
-names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=parser.MAX_TEXT).filter(str.strip)
+names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=MAX_TEXT).filter(str.strip)
 coordinates = st.floats(-1e6, 1e6)
 yaws_rad = st.floats(-3.1, 3.1)
 shares_pct = st.floats(1, 100)

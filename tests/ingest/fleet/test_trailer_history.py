@@ -4,8 +4,8 @@ import pytest
 
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site
+from ingest.fleet.placement import trailer_headings
 from ingest.fleet.prediction.forecast_model import Sighting
-from ingest.fleet.prediction.trailer_history import trailer_headings
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.settings import Model, Trailers, Vendor
