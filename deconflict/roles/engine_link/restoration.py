@@ -59,7 +59,7 @@ def stored_state(operator: Caller, set_asides: SetAsides) -> StoredState:
     while last is not None:
         head, lines = unpacked_parcel(operator.call("restore", b"%d" % last))
         last = head["last"]
-        found |= {revision.id: revision for revision in filter(None, map(set_asides.revision_of, lines))}
+        found |= {revision.id: revision for line in lines if (revision := set_asides.revision_of(line))}
     state.open.extend([*advisories_of(found.values()), *advice_of(found.values())])
     pair: Pair = FIRST_PAIR
     while page := json.loads(operator.call("encounters", json.dumps(pair).encode())):

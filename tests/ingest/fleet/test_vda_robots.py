@@ -166,7 +166,7 @@ def test_other_settings_forecast_the_robot_again() -> None:
     of = floor_of()
     robot = on_its_way(of)
     of.reconfigure(
-        of.vendors, of.placement._frames, of.reading.model_copy(update={"horizon_s": 2.0, "quiet_after_s": 0.1})
+        of.owners.vendors, of.placement._frames, of.reading.model_copy(update={"horizon_s": 2.0, "quiet_after_s": 0.1})
     )
     assert robot.forecast is not None
     assert len(robot.forecast.knots) == 2
