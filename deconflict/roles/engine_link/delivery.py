@@ -122,17 +122,14 @@ class Delivery:
         """
         self._passes_s.append(now_s)
         queued_s = time.monotonic()
-        due = queued_s - self._measured_s >= MEASURES_EVERY_S
+        is_due = queued_s - self._measured_s >= MEASURES_EVERY_S
         report: dict[str, Any] = {}
-        if due:
-            self._measured_s = queued_s
-            report = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
         if losses:
             self._lost += 1
             report["losses"] = {"sender": self._sender, "number": self._lost, "entries": losses}
         near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
-        parts = parts or ([((), ())] if report else [])
+        parts = parts or ([((), ())] if report or is_due else [])
         if parts:
             report["passes_s"], self._passes_s = self._passes_s, []
         for number, (lines, pairs) in enumerate(parts, 1):
@@ -140,6 +137,10 @@ class Delivery:
             self._add(WaitingParcel(packed_parcel(head, lines), arrivals_s if number == len(parts) else {}))
         if not parts:
             self._add(WaitingParcel(b"", arrivals_s))
+        if is_due:  # after the revisions, which do not wait for it
+            self._measured_s = queued_s
+            measured = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
+            self._add(WaitingParcel(packed_parcel({"queued_s": queued_s, **measured}), {}))
 
     def add_canary(self, canary: dict[str, Any]) -> None:
         """Queue what the engine made of a canary."""

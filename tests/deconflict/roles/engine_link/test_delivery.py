@@ -5,6 +5,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,6 +99,7 @@ async def kept_losses(role: OperatorRole) -> tuple[float, int] | None:
 
 async def test_a_refused_parcel_is_sent_again_before_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(delivery, "RETRY_S", 0.01)
+    monkeypatch.setattr(delivery, "MEASURES_EVERY_S", float("inf"))
     seen: list[int] = []
 
     async def publish(parcel: bytes) -> bytes:
@@ -128,6 +130,21 @@ async def test_the_times_of_passes_come_with_the_last_parcel_of_the_next_that_ha
             running_delivery.add_pass(NOW_S + number, [made(each) for each in range(revisions)], {}, Measures())
         await until(lambda: len(times_s) == 3)
     assert times_s == [None, [NOW_S, NOW_S + 1, NOW_S + 2], [NOW_S + 3]]
+
+
+async def test_revisions_do_not_wait_for_the_measures_of_their_pass() -> None:
+    heads: list[dict[str, Any]] = []
+
+    async def publish(parcel: bytes) -> bytes:
+        heads.append(unpacked_parcel(parcel)[0])
+        return STORED
+
+    async with delivering(publish) as running_delivery:
+        running_delivery.add_pass(NOW_S, [made(0)], {}, Measures(), presence=lambda: {"silent": []})
+        await until(lambda: len(heads) == 2)
+    assert ["measures" in head for head in heads] == [False, True]
+    assert heads[0]["passes_s"] == [NOW_S]
+    assert heads[1]["presence"] == {"silent": []}
 
 
 async def test_what_follows_an_undelivered_parcel_is_not_delivered_at_the_end() -> None:
