@@ -120,7 +120,7 @@ class Floor:
             truth.open[pair].last_s = t_s
             truth.open[pair].separation_m = min(truth.open[pair].separation_m, separation_m)
         for pair in [pair for pair, meeting in truth.open.items() if t_s - meeting.last_s > SAME_ENCOUNTER_S]:
-            truth.open.pop(pair).ended = True
+            del truth.open[pair]
 
 
 def _envelope(robot: RobotState) -> tuple[float, float, float, float, float]:

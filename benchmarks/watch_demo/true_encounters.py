@@ -1,4 +1,4 @@
-"""The true encounters of envelopes in a simulated time span, to compare advisories with."""
+"""Encounters of envelopes as a simulated floor has them, to compare advisories with."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,8 +23,6 @@ class TrueEncounter:
     """When they were last within the clearance."""
     separation_m: float
     """Smallest separation; 0 if they overlapped."""
-    ended: bool = False
-    """Whether they separated before the end of the span."""
 
 
 def near_pairs(envelopes: Floats, floors: Ints, clearance_m: float) -> Iterator[tuple[tuple[int, int], float]]:

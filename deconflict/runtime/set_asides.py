@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class SetAsides:
-    """The revisions of advisories that one role has set aside. Nobody receives them."""
+    """Reads revisions of advisories, and sets aside those that one role can't take. Nobody receives them."""
 
     def __init__(self, measures: Measures) -> None:
         self._measures = measures

@@ -16,7 +16,10 @@ FEWEST_KNOTS = 10_000
 
 
 class SlotTable(RankedSlots):
-    """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it."""
+    """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it.
+
+    Robots come by `replace_forecasts` and leave by `discard`, not by `assign` and `release`. Trailers have keys, too.
+    """
 
     def __init__(self) -> None:
         super().__init__()

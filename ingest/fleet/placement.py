@@ -35,7 +35,7 @@ from ingest.sizes.stated_loads import NO_LOADS, StatedLoad, read_loads
 
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
-FARTHEST_M = 10.0
+TRAILERS_STRAIGHT_M = 10.0
 """After a robot was seen this much further on, its trailers are taken to be straight behind it."""
 
 
@@ -222,6 +222,6 @@ def trailer_headings(
     if last is None or last.floor != seen.floor or len(yaws_rad) != len(shape.trailers):
         return (seen.yaw_rad,) * len(shape.trailers)
     dx_m, dy_m = seen.x_m - last.x_m, seen.y_m - last.y_m
-    if hypot(dx_m, dy_m) > FARTHEST_M:
+    if hypot(dx_m, dy_m) > TRAILERS_STRAIGHT_M:
         return (seen.yaw_rad,) * len(shape.trailers)
     return tuple(towed_along(yaws_rad, [trailer.hitch_m for trailer in shape.trailers], dx_m, dy_m))

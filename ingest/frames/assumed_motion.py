@@ -4,8 +4,10 @@ from math import ceil, isfinite, pi, remainder
 
 from ingest.frames.angles import turn_between
 
-DRIVES_MPS, MOVING_MPS = 0.1, 0.02
-"""A robot that is faster than the first drives. One with at most the second speed stands."""
+DRIVES_MPS = 0.1
+"""A robot that is faster drives."""
+MOVING_MPS = 0.02
+"""A robot with at most this speed stands."""
 ASSUMED_MPS, ASSUMED_TURN_RADPS = 1.0, 1.0
 """Speed, and turn rate on the spot, if nothing says one."""
 CORNER_RAD = 0.35

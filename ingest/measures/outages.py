@@ -1,4 +1,4 @@
-"""Which outages of another party are logged: one that comes and goes fills no log."""
+"""Outages of another party: which are logged, as one that comes and goes fills no log, and how long to wait then."""
 
 from collections.abc import Callable
 from math import inf

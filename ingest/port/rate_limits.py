@@ -8,7 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
-from ingest.languages.massrobotics.massrobotics_front_end import UUID
+from ingest.languages.massrobotics.massrobotics_front_end import UUID_KEY
 from ingest.port.connection import Connection
 
 BURST_S = 1.0
@@ -188,7 +188,7 @@ class RateLimits:
 def _enqueue(bucket: TokenBucket, message: ArrivedMessage) -> list[ArrivedMessage]:
     """Let the message wait in the place of its robot's older message, or at the end. Returns the dropped messages."""
     connection = message.connection
-    found = None if connection.topic else UUID.search(message.raw)
+    found = None if connection.topic else UUID_KEY.search(message.raw)
     key = found.group(1).lower() if found else b"connection %d" % connection.id
     key += b" status" if b'"operationalState"' in message.raw else b""
     older = bucket.waiting.get(key)

@@ -38,7 +38,8 @@ def interaction_reports(batch: Batch, slots: Ints, track: Floats, usual_m: Float
 
 
 class RecentReports:
-    """By the row of each robot that does not rest, its newest reports; by slot, where a robot rests."""
+    """By the row of each robot that does not rest, its newest reports; by slot, where a robot rests. The arrays change
+    with each report and are replaced as robots come and go: do not keep them."""
 
     def __init__(self) -> None:
         self.rows = HistoryRows()

@@ -88,9 +88,9 @@ class Presence:
         """Of the last `take_returned`, those that began anew at another place."""
         self._moved: set[str] = set()
         self.silences = LastingSilences()
-        """As of the last step."""
+        """Of robots that are silent: how probably each is still there, as of the last step."""
         self.removed = RemovedRobots()
-        """Those through whose places others have driven."""
+        """Robots that are off the floor because others drove through their places, until they report again."""
         self._due: list[tuple[float, str]] = []
         """A heap of when silent robots are next checked; see `_next_s`."""
         self._next_s: dict[str, float] = {}

@@ -155,7 +155,8 @@ class Store:
         return stored
 
     def acknowledge(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
-        """`accept_answer`, and store it."""
+        """`accept_answer`, and store it and what waits."""
+        self.flush()
         answered = self.accept_answer(advisory_id, answer, seq)
         self.flush()
         return answered

@@ -118,7 +118,8 @@ class Delivery:
     ) -> None:
         """Queue one pass: its revisions, near misses and losses, and once a second its measures and presence.
 
-        `now_s` is the time of the pass. `arrivals_s` has by vendor the arrival times of the messages that it reflects.
+        Measures wait for the revisions before them, also while the store refuses these. `now_s` is the time of the
+        pass. `arrivals_s` has by vendor the arrival times of the messages that it reflects.
         """
         self._passes_s.append(now_s)
         queued_s = time.monotonic()
@@ -129,7 +130,7 @@ class Delivery:
             report["losses"] = {"sender": self._sender, "number": self._lost, "entries": losses}
         near = [near_misses[first : first + MOST_LINES] for first in range(0, len(near_misses), MOST_LINES)]
         parts = list(zip_longest(cut_into_parcels(self._lines(revisions)), near, fillvalue=()))
-        parts = parts or ([((), ())] if report or is_due else [])
+        parts = parts or ([((), ())] if report else [])
         if parts:
             report["passes_s"], self._passes_s = self._passes_s, []
         for number, (lines, pairs) in enumerate(parts, 1):
@@ -138,9 +139,10 @@ class Delivery:
         if not parts:
             self._add(WaitingParcel(b"", arrivals_s))
         if is_due:  # after the revisions, which do not wait for it
-            self._measured_s = queued_s
-            measured = {"measures": [measures.as_document(), self.measures.as_document()], "presence": presence()}
-            self._add(WaitingParcel(packed_parcel({"queued_s": queued_s, **measured}), {}))
+            self._measured_s, passes_s, self._passes_s = queued_s, self._passes_s, []
+            both = [measures.as_document(), self.measures.as_document()]
+            head = {"measures": both, "presence": presence(), "passes_s": passes_s}
+            self._add(WaitingParcel(packed_parcel(head), {}))
 
     def add_canary(self, canary: dict[str, Any]) -> None:
         """Queue what the engine made of a canary."""

@@ -15,7 +15,8 @@ class TickTimes:
 
     def __init__(self, shortest_s: float, clock: Callable[[], float]) -> None:
         """`clock` is the service's clock."""
-        self.shortest_s, self._clock = shortest_s, clock
+        self._clock = clock
+        self.shortest_s = shortest_s
         """The shortest time between two ticks; it may change."""
         self._tick_s = 0.0
         """The time of the last tick."""

@@ -13,7 +13,8 @@ from ingest.languages.rules import Rule
 
 LEADING_UUID = re.compile(rb'\s*\{\s*"uuid"\s*:\s*"([^"]{1,64})"')
 """Most senders begin a message with the UUID. A key in this place is the robot's own."""
-UUID = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
+UUID_KEY = re.compile(rb'"uuid"\s*:\s*"([^"]{1,64})"', re.IGNORECASE)
+"""A key with the UUID of a robot, anywhere in a message."""
 
 
 class MassRoboticsFrontEnd:
@@ -45,7 +46,7 @@ class MassRoboticsFrontEnd:
             return None
         if leading := LEADING_UUID.match(raw):
             return leading.group(1).lower()
-        found = UUID.search(raw) if raw.lower().count(b'"uuid"') == 1 else None
+        found = UUID_KEY.search(raw) if raw.lower().count(b'"uuid"') == 1 else None
         return found.group(1).lower() if found else None
 
     def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002
