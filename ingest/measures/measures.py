@@ -121,8 +121,12 @@ class Measures:
 
     def count_each(self, name: str, label: str, second_labels: Iterable[str]) -> None:
         """Count 1 for the first label with each of the second labels."""
+        series = self.values[name]
         for second in second_labels:
-            self.count(name, label, second)
+            labels: Labels = (label, second)
+            if labels not in series:
+                labels = _bounded(labels, series)
+            series[labels] = series.get(labels, 0) + 1
 
     def begin(self, *names: str) -> None:
         """Begin counters at 0. If a counter appears only with its first event, its rise can't be seen."""

@@ -169,9 +169,9 @@ async def test_undelivered_passes_are_bounded_and_the_engine_restarts(
     running_delivery, arrived_s = Delivery(tmp_path), {"Acme": np.full(10_000, NOW_S)}
     running_delivery.start()
     for _ in range(13):
-        running_delivery.add_pass(NOW_S, [], arrived_s, Measures())
+        running_delivery.add_pass(NOW_S, [], arrived_s, Measures(), [NEAR])
         assert running_delivery.has_room()
-    running_delivery.add_pass(NOW_S, [], arrived_s, Measures())
+    running_delivery.add_pass(NOW_S, [], arrived_s, Measures(), [NEAR])
     with pytest.raises(UndeliveredError):
         await until(running_delivery.has_room)
     running_delivery.stop()
@@ -196,6 +196,7 @@ async def test_a_slow_operator_face_delays_the_next_pass_and_ends_no_engine(monk
 
 async def test_any_amount_is_delivered_to_an_operator_face_that_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(delivery, "MOST_WAITING_BYTES", 1 << 20)
+    monkeypatch.setattr(delivery, "MEASURES_EVERY_S", float("inf"))
     taken = 0
 
     async def publish(_: bytes) -> bytes:
