@@ -4,12 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from deconflict.advisories.situations.grouping import Group
 from deconflict_client.situations import MOST_CORNERS
-from ingest.batch import Ints
 
 MARGIN_M, LINK_M = 1.5, 0.2
 """The outline keeps the first distance from the places of the advisories, and the second from a link."""
@@ -43,11 +40,20 @@ def spot_numbers(places: Sequence[Place]) -> list[int]:
     _, square = np.unique(np.floor(at_m / SQUARE_M), axis=0, return_inverse=True)
     order = np.argsort(square, kind="stable")
     squares = shapely.multipoints(at_m[order], indices=square[order])
-    near = shapely.STRtree(squares).query(squares, predicate="dwithin", distance=SPOT_M)
-    _, spot_of = connected_components(coo_array((np.ones(near.shape[1]), near), (len(squares),) * 2), directed=False)
-    _, firsts, spot = np.unique(spot_of[square], return_index=True, return_inverse=True)
-    number: Ints = np.argsort(np.argsort(firsts))
-    return number[spot].tolist()
+    beside: dict[int, list[int]] = {number: [] for number in range(len(squares))}
+    for one, other in shapely.STRtree(squares).query(squares, predicate="dwithin", distance=SPOT_M).T.tolist():
+        beside[one].append(other)
+    number_of, spots_so_far = dict[int, int](), 0
+    for first in square.tolist():
+        if first not in number_of:
+            reached = [first]
+            while reached:
+                at = reached.pop()
+                if at not in number_of:
+                    number_of[at] = spots_so_far
+                    reached += beside[at]
+            spots_so_far += 1
+    return [number_of[each] for each in square.tolist()]
 
 
 def outline(group: Group) -> tuple[Place, ...]:
