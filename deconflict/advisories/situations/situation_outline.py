@@ -41,8 +41,8 @@ def spot_numbers(places: Sequence[Place]) -> list[int]:
     order = np.argsort(square, kind="stable")
     squares = shapely.multipoints(at_m[order], indices=square[order])
     beside: dict[int, list[int]] = {number: [] for number in range(len(squares))}
-    for one, other in shapely.STRtree(squares).query(squares, predicate="dwithin", distance=SPOT_M).T.tolist():
-        beside[one].append(other)
+    for number, near in shapely.STRtree(squares).query(squares, predicate="dwithin", distance=SPOT_M).T.tolist():
+        beside[number].append(near)
     number_of, spots_so_far = dict[int, int](), 0
     for first in square.tolist():
         if first not in number_of:
