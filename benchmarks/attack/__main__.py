@@ -97,7 +97,8 @@ def _in_turns(attacks: Sequence[str], plan: Plan, turns: int) -> Iterator[Result
                 yield (result := _result(attack, plan, scene))
                 so_far.append(result)
             without = results[NONE]
-            print("\n".join(line for a in [*results][1:] for line in report(a, without, results[a])), flush=True)
+            lines = (line for attack in [*results][1:] for line in report(attack, without, results[attack]))
+            print("\n".join(lines), flush=True)
 
 
 def _result(attack: str, plan: Plan, scene: str = "") -> Result:

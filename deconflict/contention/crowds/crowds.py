@@ -116,7 +116,7 @@ class Crowds:
         _, rows, label_of = np.unique(4 * group + kind, return_index=True, return_inverse=True)
         robots = [live.robots[live.uuids[slot]] for slot in heap[rows].tolist()]
         labels = list(map(_label, robots, kind[rows].tolist()))
-        before = self._joined_before(heap)
+        before = self._joined_before(heap) if len(labels) > 1 else None
         if len(labels) <= (1 if before else MOST_LABELS):
             return [labels[row] for row in label_of.tolist()]
         is_of_one_source = before != SEVERAL and bool((live.source[heap] == live.source[heap[0]]).all())

@@ -49,7 +49,7 @@ class Store:
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         """Open or create the file in `directory`. Raises `StoreError`. `follows_stream`: as of `SqliteConnections`."""
         self.connections = self.connects(directory, follows_stream=follows_stream)
-        """Those to the file."""
+        """Those to the file, or to memory in its place."""
         self.path = self.connections.path
         self._number_lock, self._answers = RLock(), UnstoredAnswers()
         self._pending: list[AnyRevision] = []

@@ -140,8 +140,8 @@ class Delivery:
             self._add(WaitingParcel(b"", arrivals_s))
         if is_due:  # after the revisions, which do not wait for it
             self._measured_s, passes_s, self._passes_s = queued_s, self._passes_s, []
-            both = [measures.as_document(), self.measures.as_document()]
-            head = {"measures": both, "presence": presence(), "passes_s": passes_s}
+            documents = [measures.as_document(), self.measures.as_document()]
+            head = {"measures": documents, "presence": presence(), "passes_s": passes_s}
             self._add(WaitingParcel(packed_parcel(head), {}))
 
     def add_canary(self, canary: dict[str, Any]) -> None:
