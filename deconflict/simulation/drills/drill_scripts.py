@@ -64,9 +64,9 @@ class DrillSetup:
 
 def aisle_head_on(setup: DrillSetup) -> None:
     """Two robots enter a single lane from both ends."""
-    setup.aisle("aisle", 0.0, 8.0)
-    setup.robot(ALDER, (-8, 0), Visit(17, 0))
-    setup.robot(BASALT, (16, -8), Visit(9.2, 0), Visit(-3, 0))
+    setup.aisle("aisle", 0.0, 12.0)
+    setup.robot(ALDER, (-8, 0), Visit(21, 0))
+    setup.robot(BASALT, (20, -8), Visit(13.2, 0), Visit(-3, 0))
 
 
 def swap(setup: DrillSetup) -> None:
