@@ -74,6 +74,9 @@ Row = NDArray[Any]
 """(slots,) of `BOX`: the boxes of one slab."""
 Cells = tuple[Ints, Ints, Row]
 """Where each cell starts, the slots cell by cell, and their boxes in the same order."""
+SortedBoxes = tuple[Cells, tuple[Ints, Row], tuple[Ints, Row]]
+"""Boxes of a row: narrow ones in cells; the slots of wide ones that changed, and their boxes; and of those that did
+not."""
 
 Reaches = NDArray[Any]
 """(slots,) of `REACH`."""
@@ -89,9 +92,8 @@ def _is_wide(box: Any, share: float) -> bool:
 
 
 @inner
-def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Sort the boxes of a row into cells by their centres. Returns where the slots of each cell start, the slots, and
-    the slots of the wide boxes: those that changed, and those that did not.
+def _sorted(row: Row, is_in: Bools, is_changed: Bools, share: float) -> SortedBoxes:
+    """Sort the boxes of a row that are in into cells by their centres, and wide ones.
 
     `share` is cells a metre. Cells repeat after a power of two along x and y, so that a far box costs no memory.
     """
@@ -102,7 +104,7 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
     wide, wides, still, stills = np.empty(len(row), np.int64), 0, np.empty(len(row), np.int64), 0
     for slot in range(len(row)):
         box = row[slot]
-        if box.floor == ABSENT:
+        if box.floor == ABSENT or not is_in[slot]:
             continue
         if not _is_wide(box, share):
             x, y = floor((box.west + box.east) / 2 * share), floor((box.south + box.north) / 2 * share)
@@ -121,7 +123,8 @@ def _cells(row: Row, is_changed: Bools, share: float) -> tuple[Ints, Ints, Ints,
         if cell[slot] >= 0:
             slots[placed[cell[slot]]] = slot
             placed[cell[slot]] += 1
-    return start, slots, wide[:wides], still[:stills]
+    wide, still = wide[:wides], still[:stills]
+    return (start, slots, row[slots]), (wide, row[wide]), (still, row[still])
 
 
 @inner
@@ -149,22 +152,22 @@ def _add_overlaps(
     begin: int,
     end: int,
     asking: Bools,
-    left_out: Bools,
     found: Pairs,
     n: int,
     most: int,
 ) -> int:
     """Add to `found` the pairs of `slot` with those of `others[begin:end]` whose boxes overlap its `box`, until `found`
-    holds `most` pairs. A pair of two slots that are both `asking` is added once, one with a slot that is `left_out`
-    never. Returns how many pairs `found` holds.
+    holds `most` pairs. Those before its `own` place only if they are not `asking`: a pair of two that are is added
+    once. Returns how many pairs `found` holds.
 
-    `boxes` are those of `others`. `own` is the place of `slot` among `others`, -1 if it is not there.
+    `boxes` are those of `others`. `own` is the place of `slot` among `others`; -1 if all are added, and their number if
+    none that is `asking`.
     """
     for at in range(begin, end):
         if n == most:
             return n
         is_new = at > own or (at < own and not asking[others[at]])
-        if is_new and not left_out[others[at]] and _overlap(box, boxes[at]):
+        if is_new and _overlap(box, boxes[at]):
             found[n].a, found[n].b = slot, others[at]
             n += 1
     return n
@@ -179,7 +182,6 @@ def _add_overlaps_in_cells(
     first: int,
     share: float,
     asking: Bools,
-    left_out: Bools,
     found: Pairs,
     n: int,
     most: int,
@@ -195,11 +197,9 @@ def _add_overlaps_in_cells(
         line = (y & last) * across
         begin, end = max(start[line + low], first), start[line + high + 1]
         if low > high:
-            n = _add_overlaps(
-                box, slot, own, slots, boxes, begin, start[line + across], asking, left_out, found, n, most
-            )
+            n = _add_overlaps(box, slot, own, slots, boxes, begin, start[line + across], asking, found, n, most)
             begin = max(start[line], first)
-        n = _add_overlaps(box, slot, own, slots, boxes, begin, end, asking, left_out, found, n, most)
+        n = _add_overlaps(box, slot, own, slots, boxes, begin, end, asking, found, n, most)
     return n
 
 
@@ -214,28 +214,21 @@ def _add_overlaps_of(
     box: Any,
     slot: int,
     own: int,
-    wide_own: int,
+    others: SortedBoxes,
     first: int,
-    cells: Cells,
-    wide: tuple[Ints, Row],
-    still: tuple[Ints, Row],
+    first_wide: int,
     share: float,
-    is_changed: Bools,
-    left_out: Bools,
+    asking: Bools,
     found: Pairs,
     n: int,
     most: int,
 ) -> int:
-    """The same with all boxes of a row: of cells, from place `first` on, and wide ones. `own` and `wide_own` are the
-    places of `slot` among the slots of cells and among wide ones that changed, -1 if it is not there."""
-    n = _add_overlaps(box, slot, -1, still[0], still[1], 0, len(still[0]), is_changed, left_out, found, n, most)
-    n = _add_overlaps_in_cells(box, slot, own, cells, first, share, is_changed, left_out, found, n, most)
-    if wide_own >= 0:
-        slots, boxes = wide
-        n = _add_overlaps(
-            box, slot, wide_own, slots, boxes, wide_own + 1, len(slots), is_changed, left_out, found, n, most
-        )
-    return n
+    """The same with `others`: those of cells from place `first` on, wide ones that changed from `first_wide` on, and
+    wide ones that did not. `own` is the place of `slot` among the narrow ones."""
+    cells, (wide, wide_boxes), (still, still_boxes) = others
+    n = _add_overlaps(box, slot, -1, still, still_boxes, 0, len(still), asking, found, n, most)
+    n = _add_overlaps_in_cells(box, slot, own, cells, first, share, asking, found, n, most)
+    return _add_overlaps(box, slot, -1, wide, wide_boxes, first_wide, len(wide), asking, found, n, most)
 
 
 @kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], *[numba.boolean[::1]] * 3, numba.int64, numba.float64))
@@ -249,7 +242,7 @@ def _pairs_by_cells(
     share: float,
 ) -> Pairs:
     """Find the pairs by cells: a narrow box that changed is compared with the cells around it, a wide one with all
-    cells that it covers.
+    cells that it covers. Boxes of crowds are in cells of their own: they are not compared with each other.
 
     Boxes are compared cell by cell, so that the boxes of one comparison are still in the processor's cache for the
     next. If all robots changed, each is compared only with those after it.
@@ -257,22 +250,26 @@ def _pairs_by_cells(
     found, n, is_alone, some_crowded = np.empty(1 << 14, PAIR), 0, ~is_crowded, is_crowded.any()
     for ring in rings:
         row, before = boxes[ring], n
-        start, slots, wide, still = _cells(row, is_changed, share)
-        narrow_boxes, wides, stills = row[slots], (wide, row[wide]), (still, row[still])
-        cells, asking = (start, slots, narrow_boxes), np.flatnonzero(is_changed[slots])
+        alone = _sorted(row, is_alone, is_changed, share)
+        crowd = _sorted(row if some_crowded else row[:0], is_crowded, is_changed, share)
+        (_, slots, _), (wide, _), _ = alone
+        asking = np.flatnonzero(is_changed[slots])
         first = 1 if len(asking) == len(slots) else 0
         for at in range(len(asking) + len(wide)):
-            is_wide = at >= len(asking)
-            own, wide_own = (-1, at - len(asking)) if is_wide else (asking[at], -1)
-            slot = wide[wide_own] if is_wide else slots[own]
-            box, begin = row[slot], 0 if is_wide else first * (own + 1)
-            of = (box, slot, own, wide_own, begin, cells, wides, stills, share, is_changed)
+            wide_own = at - len(asking)
+            own = -1 if wide_own >= 0 else asking[at]
+            slot = wide[wide_own] if wide_own >= 0 else slots[own]
+            begin, begin_wide = (0, wide_own + 1) if wide_own >= 0 else (first * (own + 1), len(wide))
             found = _with_room(found, n + min(most_found, len(row)) + MOST_CROWDED)
-            most = n + (MOST_CROWDED if is_crowded[slot] else most_found)
-            n = _add_overlaps_of(*of, is_crowded, found, n, most)
-            is_cut[slot] |= n == most and not is_crowded[slot]
-            if some_crowded and not is_crowded[slot]:
-                n = _add_overlaps_of(*of, is_alone, found, n, n + MOST_CROWDED)
+            box, most = row[slot], n + most_found
+            n = _add_overlaps_of(box, slot, own, alone, begin, begin_wide, share, is_changed, found, n, most)
+            is_cut[slot] |= n == most
+            n = _add_overlaps_of(box, slot, -1, crowd, 0, 0, share, is_changed, found, n, n + MOST_CROWDED)
+        (_, crowd_slots, _), (crowd_wide, _), _ = crowd
+        for slot in np.concatenate((crowd_slots[is_changed[crowd_slots]], crowd_wide)):
+            found, most = _with_room(found, n + MOST_CROWDED), n + MOST_CROWDED
+            others = len(slots), alone, 0, len(wide)
+            n = _add_overlaps_of(row[slot], slot, *others, share, is_changed, found, n, most)
         for at in range(before, n):
             found[at].ring = ring
     return found[:n].copy()

@@ -55,14 +55,10 @@ class Crowds:
         self._live = live
         self._some_overlap = False
         """Whether any robot overlapped at the last step."""
-        self._found_s: dict[str, float] = {}
-        """By robot, when it was last found in a crowd."""
-        self._labels: dict[str, str] = {}
-        """By crowded robot, the label of its crowd."""
-        self._joined: set[str] = set()
-        """The labels that were given instead of too many."""
         self._label_numbers: dict[str, int] = {}
-        """By label, a number from 1 on."""
+        """By label, its number from 1 on."""
+        self._joined: set[int] = set()
+        """The numbers of labels that were given instead of too many."""
         self._numbers: dict[str, int] = {}
         self.numbers: Mapping[str, int] = self._numbers
         """By crowded robot, the number of its label."""
@@ -70,31 +66,29 @@ class Crowds:
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
         live, (slots, kind) = self._live, self._overlapping(now_s)
-        before = self._labels.copy()
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
-                uuids = [live.uuids[slot] for slot in heap.tolist()]
-                self._found_s |= dict.fromkeys(uuids, now_s)
-                self._labels |= zip(uuids, self._heap_labels(heap, kind[heap]), strict=True)
-        for uuid in [uuid for uuid, at_s in self._found_s.items() if now_s - at_s > HELD_S or uuid not in live.robots]:
-            del self._found_s[uuid], self._labels[uuid]
-        if self._labels != before:
+                live.crowd[heap], live.crowded_s[heap] = self._heap_labels(heap, kind[heap]), now_s
+        live.crowd[now_s - live.crowded_s > HELD_S] = 0
+        crowded = np.flatnonzero(live.crowd)
+        numbers = dict(zip(map(live.uuids.__getitem__, crowded.tolist()), live.crowd[crowded].tolist(), strict=True))
+        changed = numbers.keys() ^ self._numbers.keys()
+        if numbers != self._numbers:
             self._numbers.clear()
-            for uuid, label in self._labels.items():
-                self._numbers[uuid] = self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
-        return {uuid: uuid in self._labels for uuid in self._labels.keys() ^ before.keys()}
+            self._numbers.update(numbers)
+        return {uuid: uuid in numbers for uuid in changed}
 
     def _overlapping(self, now_s: float) -> tuple[Ints, Ints]:
         """The slots of overlapping robots, and (slots,) with whom each overlaps, see `OF_VENDOR`.
 
         Those that reported are looked at; if some overlap, all that were heard, or fell silent in a crowd.
         """
-        live = self._live
-        found = self._overlap(live.take_changed(), live.at)
-        if len(found[0]) or self._some_overlap:
-            is_placed = now_s - live.event_s <= HEARD_S
-            is_placed[[live.robots[uuid].slot for uuid in self._found_s if uuid in live.robots]] = True
+        live, changed = self._live, self._live.take_changed()
+        if self._some_overlap or len(self._overlap(changed, live.at)[0]):
+            is_placed = (now_s - live.event_s <= HEARD_S) | (live.crowd > 0)
             found = self._overlap(np.flatnonzero(is_placed), np.where(is_placed[:, None], live.at, np.nan))
+        else:
+            found = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._some_overlap = len(found[0]) > 0
         return found
 
@@ -109,8 +103,8 @@ class Crowds:
                 at[found] = np.nan
         return slots[kind[slots] != NONE], kind
 
-    def _heap_labels(self, heap: Ints, kind: Ints) -> list[str]:
-        """The labels of the crowds of the robots of one heap (n,); `kind` (n,) is with whom each overlaps."""
+    def _heap_labels(self, heap: Ints, kind: Ints) -> Ints:
+        """(n,) the numbers of the labels of the robots of one heap (n,); `kind` (n,) is with whom each overlaps."""
         live = self._live
         group = np.select([kind == OF_VENDOR, kind == OF_SOURCE], [live.vendor[heap], live.source[heap]], 0)
         _, rows, label_of = np.unique(4 * group + kind, return_index=True, return_inverse=True)
@@ -118,24 +112,28 @@ class Crowds:
         labels = list(map(_label, robots, kind[rows].tolist()))
         before = self._joined_before(heap) if len(labels) > 1 else None
         if len(labels) <= (1 if before else MOST_LABELS):
-            return [labels[row] for row in label_of.tolist()]
-        is_of_one_source = before != SEVERAL and bool((live.source[heap] == live.source[heap[0]]).all())
-        joined = _several_at(robots[0].source) if is_of_one_source else SEVERAL
+            return np.array(list(map(self._number, labels)))[label_of]
+        is_of_one_source = before != self._number(SEVERAL) and bool((live.source[heap] == live.source[heap[0]]).all())
+        joined = self._number(_several_at(robots[0].source) if is_of_one_source else SEVERAL)
         self._joined.add(joined)
-        return [joined] * len(heap)
+        return np.full(len(heap), joined)
 
-    def _joined_before(self, heap: Ints) -> str | None:
+    def _joined_before(self, heap: Ints) -> int | None:
         """The label that the robots of a heap got at the last step because they had too many, if all that had any had
         it. It stays while they have several, so that few robots that come and go do not begin advisories anew."""
-        before = {self._labels.get(self._live.uuids[slot]) for slot in heap.tolist()} - {None}
+        before = set(self._live.crowd[heap].tolist()) - {0}
         return before.pop() if len(before) == 1 and before <= self._joined else None
+
+    def _number(self, label: str) -> int:
+        return self._label_numbers.setdefault(label, len(self._label_numbers) + 1)
 
     def standing(self) -> Iterator[Crowd]:
         """The crowds, by label and floor."""
-        live, slots = self._live, defaultdict[tuple[str, float], list[int]](list)
+        live, labels = self._live, list(self._label_numbers)
+        slots = defaultdict[tuple[str, float], list[int]](list)
         for uuid in sorted(self._numbers):
             slot = live.robots[uuid].slot
-            slots[self._labels[uuid], float(live.at[slot, 2])].append(slot)
+            slots[labels[self._numbers[uuid] - 1], float(live.at[slot, 2])].append(slot)
         for label, floor in sorted(slots):
             if floor >= 0:
                 yield self._crowd(label, np.array(slots[label, floor]))

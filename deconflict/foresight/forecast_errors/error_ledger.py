@@ -151,7 +151,7 @@ class ForecastKind(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Ledger:
-    """Errors by kind of forecast. Rows are never reordered."""
+    """Errors by kind of forecast. Rows are never reordered; those after the last kind are spare."""
 
     kinds: dict[ForecastKind, int] = field(default_factory=dict)
     """Row of each kind."""
@@ -199,12 +199,13 @@ class Ledger:
         return self.kinds.setdefault(kind, len(self.kinds))
 
     def _grow(self, new: Sequence[ForecastKind], now_s: float) -> None:
-        """Append the rows of new kinds."""
-        self.counts = np.concatenate([self.counts, *(_prior(kind.basis) for kind in new)])
-        self.level = np.concatenate([self.level, np.broadcast_to(SHARES, (len(new), HORIZONS, 3))])
-        lengthen(self, ("bias_m", "covered", "cases", "as_of_s", "bands_m", "stale"), len(new))
-        self.as_of_s[-len(new) :] = now_s
-        self._read_bands(np.arange(len(self.counts) - len(new), len(self.counts)))
+        """Set the rows of new kinds, the last ones. Room for more is made seldom: each time costs a copy of all."""
+        if (missing := len(self.kinds) - len(self.counts)) > 0:
+            lengthen(self, (*COLUMNS, "bands_m", "stale"), max(missing, len(self.counts) // 2))
+        rows = np.arange(len(self.kinds) - len(new), len(self.kinds))
+        self.counts[rows] = np.concatenate([_prior(kind.basis) for kind in new])
+        self.level[rows], self.as_of_s[rows] = SHARES, now_s
+        self._read_bands(rows)
 
     def bands_of(self, batch: Batch) -> Floats:
         """The radii that should contain the errors of a batch's forecasts, by what is known before its reports."""

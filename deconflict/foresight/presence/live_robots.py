@@ -130,6 +130,10 @@ class LiveRobots:
     """(slots,) the number of the source, see `Batch.sources`."""
     came_s: Floats = field(default_factory=lambda: np.empty(0))
     """(slots,) since when each robot is known, see `Batch.came_s`: a restart of the engine does not change it."""
+    crowd: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    """(slots,) the number of the crowd that each robot is in, see `Crowds`; 0 if none."""
+    crowded_s: Floats = field(default_factory=lambda: np.empty(0))
+    """(slots,) when each robot of a crowd was last found in it."""
     _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(slots,) whether a robot has come or reported since the last `take_changed`."""
     _slots: RobotSlots = field(default_factory=RobotSlots)
@@ -165,6 +169,7 @@ class LiveRobots:
         self.sizes_m[slots, 0], self.sizes_m[slots, 1] = forecasts.length_m, forecasts.width_m
         self.event_s[slots], self._is_changed[slots] = batch.event_s, True
         self.came_s[slots[new_rows]] = np.minimum(batch.came_s[new_rows], batch.now_s)
+        self.crowd[slots[new_rows]] = 0
         self.vendor[slots] = _numbered(batch.vendors, self._vendor_numbers)
         self.source[slots] = _numbered(batch.sources, self._source_numbers)
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
@@ -174,7 +179,8 @@ class LiveRobots:
         if missing > 0:
             more = max(len(self._slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
-            lengthen(self, ("event_s", "sizes_m", "vendor", "source", "came_s", "_is_changed"), more)
+            numbers = "vendor", "source", "crowd", "_is_changed"
+            lengthen(self, ("event_s", "sizes_m", "came_s", "crowded_s", *numbers), more)
 
     def set_aside(self, uuids: Iterable[str]) -> None:
         """These robots will not report for long: move them to a batch of their own, so that their last batches need not
@@ -209,7 +215,8 @@ class LiveRobots:
         self.on_foot.difference_update(uuids)
         for uuid in uuids:
             self.robots.pop(uuid, None)
-        self.at[self._slots.release(uuids)] = np.nan
+        left = self._slots.release(uuids)
+        self.at[left], self.crowd[left] = np.nan, 0
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
         """Those of `uuids` that are on the floor, in that order, and their forecasts."""

@@ -1,5 +1,6 @@
 """The broad phase leaves out no pair that meets: boxes against brute force, crowds against the oracle."""
 
+from collections import Counter
 from itertools import combinations
 
 import numpy as np
@@ -23,7 +24,7 @@ from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.geometry.knots import ROBOT
 from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.slot_table import SlotTable
-from ingest.batch import Floats, Forecasts, Ints
+from ingest.batch import Bools, Floats, Forecasts, Ints
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
 from tests.helpers.oracle import Track, truth
 
@@ -177,9 +178,9 @@ def by_force(boxes: SweptBoxes, changed: Ints) -> set[tuple[int, int, int]]:
     return found
 
 
-def found_by(boxes: SweptBoxes, changed: Ints) -> list[tuple[int, int, int]]:
+def found_by(boxes: SweptBoxes, changed: Ints, is_crowded: Bools | None = None) -> list[tuple[int, int, int]]:
     none = np.zeros(len(boxes.reaches), bool)
-    pairs = boxes.overlapping_pairs(changed, np.arange(SLABS), none, none.copy())
+    pairs = boxes.overlapping_pairs(changed, np.arange(SLABS), none if is_crowded is None else is_crowded, none.copy())
     columns = pairs["ring"], np.minimum(pairs["a"], pairs["b"]), np.maximum(pairs["a"], pairs["b"])
     return list(zip(*(column.tolist() for column in columns), strict=True))
 
@@ -196,6 +197,25 @@ def test_finds_each_pair_that_brute_force_finds_once(robots: int, share: float) 
     boxes = random_boxes(robots, robots, longest_m=1.0, spread_m=3.0 * np.sqrt(robots))
     changed = np.random.default_rng(0).permutation(robots)[: int(share * robots)]
     check(boxes, changed)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_a_box_is_paired_with_some_of_a_crowd_once_and_with_all_others(share: float) -> None:
+    robots, rng = 500, np.random.default_rng(7)
+    boxes, is_crowded = random_boxes(6, robots, longest_m=2.0, spread_m=35.0), rng.random(robots) < 0.4
+    changed = rng.permutation(robots)[: int(share * robots)]
+    found, every = found_by(boxes, changed, is_crowded), by_force(boxes, changed)
+    assert len(set(found)) == len(found)
+    assert set(found) <= every
+    alone = {(ring, a, b) for ring, a, b in every if not (is_crowded[a] or is_crowded[b])}
+    assert {(ring, a, b) for ring, a, b in found if not (is_crowded[a] or is_crowded[b])} == alone
+    assert not any(is_crowded[a] and is_crowded[b] for _, a, b in found)
+    for slot in np.intersect1d(changed, np.flatnonzero(~is_crowded)).tolist():
+        of_crowd, paired = (
+            Counter(ring for ring, a, b in pairs if slot in (a, b) and is_crowded[a] != is_crowded[b])
+            for pairs in (every, found)
+        )
+        assert all(paired[ring] >= min(of_crowd[ring], MOST_CROWDED) for ring in of_crowd)
 
 
 @pytest.mark.parametrize("changed", [FEW, 600])
