@@ -9,7 +9,7 @@ from deconflict.advisories.situations.advice.asked_robots import (
     AskedRobots,
 )
 from deconflict.advisories.situations.people_last import BETWEEN_S, PeopleLast, PeopleTurns
-from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.situations.situation_lifecycle import UPDATE_GAP_S, SituationLifecycle
 from deconflict.advisories.words.words import Spot
 from deconflict_client.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment
 from deconflict_client.advisory.robot_advice import RobotAdvice
@@ -19,6 +19,7 @@ from tests.deconflict.advisories.situations.made_situations import (
     action,
     advice,
     blockage,
+    conflict,
     deadlock,
     queue,
     request,
@@ -137,3 +138,16 @@ def test_what_people_were_asked_for_stands_when_a_machine_is_asked_later() -> No
     for second in range(1, 15):
         situations.revise(NOW_S + second, [])
         assert asking(situations.open()) == [True]
+
+
+def test_what_people_were_asked_for_needs_no_turn_in_the_situation_that_splits_off_with_it() -> None:
+    situations, between, look = lifecycle(), conflict("bc", x_m=1.0), advice(action("c", "look"))
+    standing = blockage("cd", location=Location(datum=HALL, x=2.0, y=0.0), recommendation=look)
+    (whole,) = situations.revise(NOW_S, [blockage("ab"), between, standing])
+    assert asking([whole]) == [True]
+    now_s, far = NOW_S + 1 + UPDATE_GAP_S, Location(datum=HALL, x=60.0, y=0.0)
+    situations.revise(
+        now_s, [standing.next_revision(location=far), between.cleared_revision(now_s, ClearedCode.PASSED)]
+    )
+    advised = {each.robots: (each.split_from, asking([each])) for each in situations.open()}
+    assert advised == {("a", "b"): (None, [False]), ("c", "d"): (whole.id, [True])}
