@@ -182,9 +182,9 @@ def _named(needs: Sequence[ChargingNeed], column: int, room: int) -> tuple[Charg
 
 def more_than(count: int, likely: Floats) -> float:
     """The probability that more than `count` of n independent events happen; `likely` (n,) are their probabilities."""
-    exactly = np.zeros(len(likely) + 1)
+    exactly = np.zeros(min(count, len(likely)) + 1)
     exactly[0] = 1.0
     for probability in likely.tolist():
         exactly[1:] = exactly[1:] * (1 - probability) + exactly[:-1] * probability
         exactly[0] *= 1 - probability
-    return float(exactly[count + 1 :].sum())
+    return max(1.0 - float(exactly.sum()), 0.0)

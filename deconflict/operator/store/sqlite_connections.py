@@ -59,8 +59,8 @@ class Renewal(NamedTuple):
         return f"{FILE_NAME} was damaged and is kept as {self.file}; {', '.join(parts)}"
 
 
-class FileConnections(NamedTuple):
-    """The connections to the file."""
+class StoreConnections(NamedTuple):
+    """The connections to the file, or to the memory that stands in for it."""
 
     writer: sqlite3.Connection
     numberer: sqlite3.Connection
@@ -147,12 +147,12 @@ class SqliteConnections:
             set_database_aside(self.path, aside)
         return aside
 
-    def _use(self, file: FileConnections) -> None:
+    def _use(self, file: StoreConnections) -> None:
         self._file = file
         status = self.path.stat()
         self._identity = status.st_dev, status.st_ino
 
-    def _opened_or_renewed(self) -> FileConnections:
+    def _opened_or_renewed(self) -> StoreConnections:
         """Raises `StoreError`."""
         try:
             return self._opened()
@@ -161,11 +161,11 @@ class SqliteConnections:
                 raise
             return self._renewed()
 
-    def _opened(self) -> FileConnections:
+    def _opened(self) -> StoreConnections:
         """Connections to the file, with its tables created or upgraded. Closes them again if that fails."""
         with ExitStack() as opened, self._explained_errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            file = FileConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
+            file = StoreConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
             self._check_tables(file.writer)
             self._upgrade(file.writer)
             if self._lost_some:
@@ -219,7 +219,7 @@ class SqliteConnections:
                 begin_after(db, self._known_seq)
             self._known_seq = last_seq(db)
 
-    def _renewed(self) -> FileConnections:
+    def _renewed(self) -> StoreConnections:
         """Replace the closed, damaged file by one with what can be read of it. Raises `StoreError`."""
         at = datetime.now(UTC)
         aside = self.set_aside(at)

@@ -14,7 +14,7 @@ from threading import Lock
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
-from deconflict.operator.store.sqlite_connections import FileConnections, SqliteConnections, begun
+from deconflict.operator.store.sqlite_connections import StoreConnections, SqliteConnections, begun
 from deconflict.operator.store.tables import StoreError, last_seq
 from deconflict_client.situations import AnyRevision
 
@@ -68,7 +68,7 @@ class OptionalConnections(SqliteConnections):
             self._file.close()
             self._use_memory(state, why, pending, answered)
 
-    def opened_again(self) -> FileConnections | None:
+    def opened_again(self) -> StoreConnections | None:
         """Connections to the file if it is not in use and can be used again; they have all but the newest revisions."""
         if self._stand_in is None:
             return None
@@ -85,7 +85,7 @@ class OptionalConnections(SqliteConnections):
             at_error.pop_all()
         return file
 
-    def use_again(self, file: FileConnections) -> None:
+    def use_again(self, file: StoreConnections) -> None:
         """Write the rest of what memory has to the file, and use it. Raises `StoreError`; then memory stays in use."""
         if (stand_in := self._stand_in) is None:
             return
@@ -115,7 +115,7 @@ class OptionalConnections(SqliteConnections):
         except (StoreError, OSError) as error:
             self._use_memory(readable_state(self.path), str(error))
 
-    def _opened(self) -> FileConnections:
+    def _opened(self) -> StoreConnections:
         """As before, and what SQLite can open for reading only is no file to use: it would stay so after a repair."""
         file = super()._opened()
         with ExitStack() as at_error, self._explained_errors():
@@ -154,7 +154,7 @@ class OptionalConnections(SqliteConnections):
         else:
             self._stand_in = StandIn(state, max(self._reserved.last, self._known_seq), pending, answered)
         self.outage = why
-        self._file = FileConnections(*4 * [self._stand_in.db])
+        self._file = StoreConnections(*4 * [self._stand_in.db])
         known = "what is open in it is known" if state else "nothing of it is known"
         log.error("advisories are kept in memory, and the file is tried again each second: %s; %s", why, known)
 
