@@ -71,7 +71,7 @@ def is_refused(request_id: str, asked: Asked, code: ClearedCode, standing: Stand
         return True
     is_of_wait = asked.request.id != request_id or asked.answer == "declined"
     robot = asked.request.robot
-    stands = robot in standing.waiting or any(robot in crossing.robots for crossing in standing.crossings)
+    stands = robot in standing.waiting or robot in standing.facing
     return code in NOT_BEGUN and asked.begun_s is None and not is_of_wait and stands
 
 

@@ -98,7 +98,7 @@ class StandoffAdvice:
     @property
     def crossings(self) -> list[Crossing]:
         """Where robots stand for each other before a free crossing, with the robot that has agreed to go first."""
-        agreed = [uuid for uuid, asked in self._open.items() if asked.request.verb == "go_first" and asked.is_agreed]
+        agreed = {uuid for uuid, asked in self._open.items() if asked.request.verb == "go_first" and asked.is_agreed}
         return [
             replace(crossing, goes_first=next((uuid for uuid in crossing.robots if uuid in agreed), None))
             for crossing in self.standing.crossings

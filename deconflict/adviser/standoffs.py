@@ -70,6 +70,15 @@ class Standing:
             found.setdefault(each.other, []).append(each.robot)
         return found
 
+    @cached_property
+    def facing(self) -> dict[str, list[str]]:
+        """By robot that stands before free crossings, those that stand there for it."""
+        found: dict[str, list[str]] = {}
+        for a, b in (crossing.robots for crossing in self.crossings):
+            found.setdefault(a, []).append(b)
+            found.setdefault(b, []).append(a)
+        return found
+
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it; at most `MOST_QUEUED`."""
         return len(self._robots_behind(robot)) - 1
@@ -77,8 +86,7 @@ class Standing:
     def held_up_by(self, robot: str) -> set[str]:
         """The robots that stand for a robot, or for one that stands for it; also before a free crossing. At most
         `MOST_QUEUED` of each robot."""
-        facing = [other for crossing in self.crossings if robot in crossing.robots for other in crossing.robots]
-        return set().union(*map(self._robots_behind, (robot, *facing))) - {robot}
+        return set().union(*map(self._robots_behind, (robot, *self.facing.get(robot, ())))) - {robot}
 
     def _robots_behind(self, robot: str) -> set[str]:
         """A robot, and the first `MOST_QUEUED` that stand for it, or for one that stands for it."""

@@ -23,7 +23,7 @@ WITHIN_S = 5.0
 WAITING = "waitingExternalEvent"
 """State of a robot that would go on, but for something around it."""
 LEAST_WAY_M = 0.1
-MOST_MET = 64
+MOST_MET = 4
 """Of the ways near to one, so many are compared with it: those whose middles are nearest."""
 TURNED_RAD = 0.3
 """A way that begins in another direction needs room for the robot to turn."""

@@ -275,9 +275,10 @@ class ReceiverRole:
         Lets other tasks run after every few: ten thousand documents take seconds, and messages must not wait.
         """
         documents, now_s, known = [], self._now_s(), self.fleet.robots
+        floors = fleet_report.robots_by_floor(self.fleet)
         wanted = filter(None, [known.get(uuid.decode())]) if uuid else known.values()
         for number, robot in enumerate(sorted(wanted, key=attrgetter("uuid"))):
-            documents.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s)))
+            documents.append(json.dumps(fleet_report.robot_document(self.fleet, robot, now_s, floors)))
             if number % DOCUMENTS_AT_ONCE == 0:
                 await asyncio.sleep(0)
         return f"[{','.join(documents)}]".encode()

@@ -77,9 +77,10 @@ def _measured_state(robot: Robot, reading: Reading, now_s: float) -> str:
     return robot.state if robot.state and robot.known_state else "other"
 
 
-def robot_document(fleet: Fleet, robot: Robot, now_s: float) -> dict[str, Any]:
-    """Everything that a robot reported and what was derived from it, JSON-ready."""
-    why = _why_not_compared(fleet, robot, now_s)
+def robot_document(fleet: Fleet, robot: Robot, now_s: float, floors: Counter[str] | None = None) -> dict[str, Any]:
+    """Everything that a robot reported and what was derived from it, JSON-ready. Who asks for many robots gives
+    `floors`, as of `robots_by_floor`."""
+    why = _why_not_compared(fleet, robot, robots_by_floor(fleet) if floors is None else floors, now_s)
     return {
         "uuid": robot.uuid,
         "name": robot.name,
@@ -124,21 +125,22 @@ def _destination(fleet: Fleet, robot: Robot) -> dict[str, Any] | None:
     return {"floor": datum, "x": round(x_m, 3), "y": round(y_m, 3), "expected_s": shown_s}
 
 
-def _why_not_compared(fleet: Fleet, robot: Robot, now_s: float) -> NotCompared | None:
+def robots_by_floor(fleet: Fleet) -> Counter[str]:
+    """How many robots are on each floor, by its name."""
+    return Counter(robot.frame.floor for robot in fleet.robots.values() if robot.frame)
+
+
+def _why_not_compared(fleet: Fleet, robot: Robot, floors: Counter[str], now_s: float) -> NotCompared | None:
     if mark := fleet.off_floor.marks.get(robot.uuid):
         return NotCompared("", f"it is off the floor, says {mark.by}")
-
-    def is_alone(of: Robot) -> bool:
-        others = (other.frame for other in fleet.robots.values() if other is not of)
-        return not any(frame and of.frame and frame.floor == of.frame.floor for frame in others)
-
-    return comparability.not_compared(robot, fleet.reading, fleet.site_floors, is_alone, now_s)
+    return comparability.not_compared(robot, fleet.reading, fleet.site_floors, floors, now_s)
 
 
 def _not_compared(fleet: Fleet, now_s: float) -> Iterator[tuple[Robot, NotCompared]]:
     """The robots that are compared with nobody, except those that are silent or off the floor, with the reason."""
+    floors = robots_by_floor(fleet)
     for robot in fleet.off_floor.without(list(fleet.robots.values())):
-        why = _why_not_compared(fleet, robot, now_s)
+        why = _why_not_compared(fleet, robot, floors, now_s)
         if why and (why.fault or presence(robot, fleet.reading, now_s) != "silent"):
             yield robot, why
 

@@ -6,6 +6,9 @@ from ingest.sizes.stated_bodies import BodyReading, Figure
 
 MOST_MODELS = 1024
 """Models whose size is kept, the newest ones. Senders may invent models."""
+MOST_EXPLAINED = 20
+"""More robots are explained by the first size that is known of their model, and by later ones when they state theirs:
+a sender may state another size with each message."""
 _Model = tuple[str, str]
 """Vendor and name."""
 
@@ -40,7 +43,9 @@ class ModelSizes:
         self._sizes.move_to_end(key)
         if len(self._sizes) > MOST_MODELS:
             self._sizes.popitem(last=False)
-        return set() if self._sizes.get(key) == before else set(self._unexplained.get(key, ()))
+        others = self._unexplained.get(key, set())
+        is_news = before is None or (before != self._sizes.get(key) and len(others) <= MOST_EXPLAINED)
+        return set(others) if is_news else set()
 
     def forget(self, uuid: str) -> None:
         """The robot is there no longer, or states another size."""

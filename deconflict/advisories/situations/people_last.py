@@ -36,9 +36,10 @@ class PeopleTurns:
     def take(self, situation_id: str, severity: Severity, raised_s: float, now_s: float) -> bool:
         """Whether a situation may ask people now. It asks again at each look until it may."""
         self._waiting[situation_id] = (SEVERITIES.index(severity), -raised_s), now_s
+        if 0.0 <= now_s - self._asked_s < BETWEEN_S:
+            return False
         self._waiting = {name: each for name, each in self._waiting.items() if abs(now_s - each[1]) < WAITS_S}
-        is_next = max(self._waiting, key=lambda name: self._waiting[name][0]) == situation_id
-        if not is_next or 0.0 <= now_s - self._asked_s < BETWEEN_S:
+        if max(self._waiting, key=lambda name: self._waiting[name][0]) != situation_id:
             return False
         self._asked_s = now_s
         del self._waiting[situation_id]

@@ -1,8 +1,9 @@
 """Why a robot that is heard is compared with nobody, and what its vendor should send or the site file should say."""
 
 import json
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from ingest.fleet.owners.admission import remedy
@@ -17,6 +18,8 @@ NEW_S = 30.0
 """A robot without a position is a fault only after this time: a sender may identify its robots first."""
 MOST_NAMED = 3
 """Maps and kinds of message that a sentence names."""
+MOST_NEAREST = 4096
+"""Maps of which the nearest one of the site file is kept."""
 
 POSITIONS = {
     MASSROBOTICS: "status reports with `location`: x, y, angle, planarDatum",
@@ -62,11 +65,11 @@ class NotCompared(NamedTuple):
 
 
 def not_compared(
-    robot: Robot, reading: Reading, site_floors: Set[str], is_alone: Callable[[Robot], bool], now_s: float
+    robot: Robot, reading: Reading, site_floors: Set[str], floors: Mapping[str, int], now_s: float
 ) -> NotCompared | None:
     """Why the robot is compared with nobody. None if it is compared with whoever is on its floor.
 
-    `site_floors` are those of the site file. `is_alone` is whether no other robot is on the floor of a robot.
+    `site_floors` are those of the site file. `floors` says how many robots are on each floor.
     """
     is_heard = now_s - robot.heard_s <= reading.silent_after_s
     is_without = not (robot.seen and robot.frame) or robot.heard_s - robot.arrival_s > reading.silent_after_s
@@ -78,7 +81,7 @@ def not_compared(
         gap_s = now_s - robot.arrival_s
         sentence = f"its messages have had no position for {gap_s:.0f} s; send {_position(robot)}"
         return NotCompared(POSITION_STOPPED, sentence)
-    why = _without_floor(robot, site_floors, is_alone)
+    why = _without_floor(robot, site_floors, floors)
     if why is None and not robot.examined:
         why = NotCompared("", unexamined_sentence(robot))
     return why if why is None or is_heard else why._replace(fault="")
@@ -99,7 +102,7 @@ def _without_position(robot: Robot, now_s: float, is_heard: bool) -> NotCompared
     return NotCompared(NO_POSITION if is_fault else "", sentence)
 
 
-def _without_floor(robot: Robot, site_floors: Set[str], is_alone: Callable[[Robot], bool]) -> NotCompared | None:
+def _without_floor(robot: Robot, site_floors: Set[str], floors: Mapping[str, int]) -> NotCompared | None:
     frame, seen = robot.frame, robot.seen
     if frame is None or seen is None:
         return None
@@ -115,11 +118,11 @@ def _without_floor(robot: Robot, site_floors: Set[str], is_alone: Callable[[Robo
             f"{robot.vendor} has named more than {MOST_UNKNOWN} maps that the site file does not have; {frame.floor!r} "
             "is not used: send few map names, or add them to vendors.maps",
         )
-    if frame.known or not site_floors or not is_alone(robot):
+    if frame.known or not site_floors or floors[frame.floor] > 1:
         return None
-    floors = ", ".join(repr(floor) for floor in sorted(site_floors)[:MOST_NAMED])
-    near = _nearest(frame.floor, site_floors)
-    meant = f"did you mean {near!r}?" if near else f"those of the site file are {floors}"
+    known = ", ".join(repr(floor) for floor in sorted(site_floors)[:MOST_NAMED])
+    near = _nearest(frame.floor, frozenset(site_floors))
+    meant = f"did you mean {near!r}?" if near else f"those of the site file are {known}"
     return NotCompared(
         MAP_UNKNOWN,
         f"no other robot is on its map {frame.floor!r}, which the site file does not have ({meant}); send that of "
@@ -131,7 +134,7 @@ def shown_by_history(robot: Robot, site_floors: Set[str]) -> Iterator[Oddity]:
     """What no message shows by itself and is so at present: an unknown map, a clock that is off, no identity."""
     counted, frame = robot.deviations, robot.frame
     if "datum-unknown" in counted and frame and frame.comparable and not frame.known:
-        path, near = MAPS.get(robot.language, ""), _nearest(frame.floor, site_floors)
+        path, near = MAPS.get(robot.language, ""), _nearest(frame.floor, frozenset(site_floors))
         yield Oddity("datum-unknown", path, json.dumps(frame.floor)[:MOST_LETTERS], "a floor of its own", near)
     if "clock-off" in counted and robot.clock.offset_s:
         off_s = -robot.clock.offset_s
@@ -141,7 +144,8 @@ def shown_by_history(robot: Robot, site_floors: Set[str]) -> Iterator[Oddity]:
         yield Oddity("identity-missing", IDENTITIES.get(robot.language, ""), "none", "the default size")
 
 
-def _nearest(floor: str, site_floors: Set[str]) -> str:
+@lru_cache(maxsize=MOST_NEAREST)
+def _nearest(floor: str, site_floors: frozenset[str]) -> str:
     return next(iter(get_close_matches(floor, [*site_floors], 1)), "")
 
 

@@ -70,3 +70,17 @@ def test_the_same_uuid_in_two_languages_is_one_robot_and_may_change_its_language
     assert of.robots[uuid].language == "iso21423"
     assert of.next_batch(later_s).robots == (uuid,)
     assert of.receive(status("A-1", later_s), later_s + 1, LINE) == "robot-in-two-languages"
+
+
+def test_of_a_robot_that_states_another_serial_number_each_time_the_newest_are_known() -> None:
+    of = floor()
+    for number in range(50):
+        named = identity("A-1", NOW_S, manufacturerName="KIT", robotSerialNumber=f"{number:04d}")
+        of.receive(named, NOW_S + number / 10, LINE)
+    choice = of.owners._languages
+    assert {serial for _, serial in choice._by_serial} == {"0048", "0049"}
+    of.receive(status("A-1", NOW_S + 6), NOW_S + 6, LINE)
+    assert in_vda(of, NOW_S + 7) is None, "0001 is another robot by now"
+    choice.remove(of.robots[robot("A-1")])
+    assert {known.vendor for known in choice._by_serial.values()} == {"KIT"}
+    assert not choice._serials.keys() & {robot("A-1")}

@@ -15,6 +15,8 @@ from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.robot import Robot
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.settings import Datum, Model, Reading, Vendor
+from ingest.sizes.model_sizes import MOST_EXPLAINED, ModelSizes
+from ingest.sizes.stated_bodies import StatedBody, read_body
 from ingest.sizes.stated_loads import MOST_NOTES
 from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import HALL, identity, robot, status
@@ -332,3 +334,12 @@ def test_notes_of_many_odd_loads_are_few() -> None:
     of = fleet(datums=DATUMS)
     read = of_vda(of, CARRIER, loads=[load((1e4 + number, 1.0, 1.0)) for number in range(200)])
     assert len(read.loads.notes) == MOST_NOTES
+
+
+def test_of_many_robots_of_a_model_only_the_first_size_that_is_known_explains_all_at_once() -> None:
+    sizes, explained = ModelSizes(), list[int]()
+    for number in range(MOST_EXPLAINED + 1):
+        sizes.note(f"large {number}", "Acme", "A-1", read_body(StatedBody((400.0, 300.0, 1.0)), (), 30.0))
+    for length_m in (1.0, 1.1, 1.0):
+        explained += [len(sizes.note("small", "Acme", "A-1", read_body(StatedBody((length_m, 0.8, 1.0)), (), 30.0)))]
+    assert explained == [MOST_EXPLAINED + 1, 0, 0]

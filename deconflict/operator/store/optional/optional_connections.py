@@ -14,7 +14,7 @@ from threading import Lock
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
-from deconflict.operator.store.sqlite_connections import StoreConnections, SqliteConnections, begun
+from deconflict.operator.store.sqlite_connections import SqliteConnections, StoreConnections, begun
 from deconflict.operator.store.tables import StoreError, last_seq
 from deconflict_client.situations import AnyRevision
 
