@@ -22,7 +22,7 @@ from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import is_out_of_reach
-from ingest.fleet.prediction.pace import TURNS_RADPS
+from ingest.fleet.prediction.pace import SPACED_S, TURNS_RADPS
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
@@ -71,7 +71,7 @@ class RepeatReader:
     def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
         """Update the robot and its forecast. Returns its deviations. None, without any change, for any other status."""
         robot, before, marks = self.robot, self.robot.seen, scanned.marks
-        if before is None or before.floor != self.floor:
+        if before is None or before.floor != self.floor or event_s - before.t_s < SPACED_S:
             return None
         first_point, end_of_path = marks[OF_PATH], marks[_PATH_END]
         first_stop, end_of_stops = marks[OF_DESTINATIONS], marks[_STOPS_END]
@@ -101,7 +101,7 @@ class RepeatReader:
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
         robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
-        robot.before, robot.seen = before, plausibility.in_motion(before, seen)
+        robot.before, robot.between, robot.seen = before, None, plausibility.in_motion(before, seen)
         robot.pace.observe(robot.seen)
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS

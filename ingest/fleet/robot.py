@@ -10,7 +10,7 @@ from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import HandMove
 from ingest.fleet.prediction.heading_sense import Sense
-from ingest.fleet.prediction.pace import Pace
+from ingest.fleet.prediction.pace import SPACED_S, Pace
 from ingest.fleet.prediction.position_unit import UnitMoves
 from ingest.fleet.shared_identities import SharedIdentity
 from ingest.fleet.shown.odd_values import Oddities, OddValues
@@ -73,6 +73,8 @@ class Robot:
     """The newest sighting, reconciled with the one before it."""
     before: Sighting | None = None
     """The one with which that was reconciled."""
+    between: Sighting | None = None
+    """The one that follows `before` once it is old enough, if they come fast."""
     moved: HandMove | None = None
     """The last move that it can't have driven."""
     is_outdated: bool = False
@@ -136,9 +138,22 @@ class Robot:
 
     def begin_anew(self, move: HandMove) -> None:
         """It was moved by hand: its next sighting is compared with none before."""
-        self.moved, self.seen, self.before = move, None, None
+        self.moved, self.seen, self.before, self.between = move, None, None, None
         self.trailer_yaws_rad = ()
         self.pace.begin_anew()
+
+    def compared_with(self, t_s: float) -> Sighting | None:
+        """The sighting before with which one at `t_s` is compared: the newest one, or one that is at least `SPACED_S`
+        old if the newest is not. In less time a robot moves by no more than the noise of positions."""
+        newest, between = self.seen, self.between
+        if newest is None or t_s - newest.t_s >= SPACED_S:
+            self.between = None
+            return newest
+        if between is None or t_s - between.t_s >= SPACED_S:
+            self.between = newest
+        if between is None or self.between is between:
+            return self.before or newest
+        return between
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""

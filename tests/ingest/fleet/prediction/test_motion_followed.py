@@ -460,3 +460,18 @@ def test_a_limit_that_no_robot_can_keep_leaves_forecasts_finite(limit_mps: float
     (robot,) = of.robots.values()
     assert robot.forecast is not None
     assert np.isfinite(np.array(robot.forecast.knots)).all()
+
+
+@pytest.mark.parametrize("hertz", [1, 2, 5, 10, 20])
+@pytest.mark.parametrize("stated", [{"vx": 0.0, "vy": 0.0, "omega": 0.0}, None])
+def test_displacement_is_motion_however_often_it_is_reported(hertz: int, stated: dict[str, float] | None) -> None:
+    of = hall()
+    for report in range(3 * hertz + 1):
+        now_s = NOW_S + report / hertz
+        velocity = {} if stated is None else {"velocity": stated}
+        raw = vda(now_s, headerId=report, driving=True, agvPosition=position(report / hertz, 0.0), **velocity)
+        of.receive(raw, now_s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.seen and robot.seen.linear_mps == pytest.approx(1.0, abs=0.1)
+    assert at(robot.forecast, NOW_S + 6)[0] == pytest.approx(6.0, abs=0.5)
+    assert ("speed-contradicts-motion" in robot.deviations) is (stated is not None)
