@@ -468,10 +468,10 @@ def test_displacement_is_motion_however_often_it_is_reported(hertz: int, stated:
     of = hall()
     for report in range(3 * hertz + 1):
         now_s = NOW_S + report / hertz
-        velocity = {} if stated is None else {"velocity": stated}
-        raw = vda(now_s, headerId=report, driving=True, agvPosition=position(report / hertz, 0.0), **velocity)
+        raw = vda(now_s, headerId=report, driving=True, agvPosition=position(report / hertz, 0.0), velocity=stated)
         of.receive(raw, now_s, line("state"))
     (robot,) = of.robots.values()
-    assert robot.seen and robot.seen.linear_mps == pytest.approx(1.0, abs=0.1)
+    assert robot.seen
+    assert robot.seen.linear_mps == pytest.approx(1.0, abs=0.1)
     assert at(robot.forecast, NOW_S + 6)[0] == pytest.approx(6.0, abs=0.5)
     assert ("speed-contradicts-motion" in robot.deviations) is (stated is not None)
