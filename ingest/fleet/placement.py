@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from math import hypot, isfinite, isinf
+from math import hypot, isfinite, isinf, isnan
 
 from msgspec.structs import replace
 
@@ -103,10 +103,12 @@ class Placement:
         frame, floor = self._floors.of(robot.vendor, status.datum)
         x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
         turn_radps = status.turn_rad_per_s or 0.0
-        if turn_radps and frame.mirrored:
-            turn_radps = -turn_radps
+        sideways_rad = 0.0 if isnan(yaw_rad) else status.sideways_rad
+        if frame.mirrored and (turn_radps or sideways_rad):
+            turn_radps, sideways_rad = 0.0 - turn_radps, 0.0 - sideways_rad
         offset_s = event_s - status.stamp_s
-        now = Sighting(event_s, floor, x_m, y_m, yaw_rad, status.linear_mps, turn_radps, offset_s, state=status.state)
+        motion = status.linear_mps, turn_radps, offset_s
+        now = Sighting(event_s, floor, x_m, y_m, yaw_rad, *motion, state=status.state, sideways_rad=sideways_rad)
         return frame, now
 
     def forecast(

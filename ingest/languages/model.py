@@ -131,7 +131,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     datum: str
     """In lower case; "" if none was sent."""
     linear_mps: float | None
-    """Speed along the heading. None if it was not sent, as for `turn_rad_per_s`."""
+    """Speed along the heading, or in the direction of `sideways_rad`. None if it was not sent, as for
+    `turn_rad_per_s`."""
     turn_rad_per_s: float | None
     """The rotation made in one second."""
     amounts: Amounts
@@ -157,6 +158,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """The values that deviate, as far as they are named."""
     heading_sent: float = nan
     """The number that was sent as heading, if it is beyond a full turn; else nan."""
+    sideways_rad: float = 0.0
+    """From the heading to the direction in which the robot drives; 0 if it drives along its heading."""
 
 
 class Update(msgspec.Struct, frozen=True, gc=False, eq=False):

@@ -179,18 +179,18 @@ class _Route(NamedTuple):
     def _by_velocity(self) -> Route:
         """Constant speed and turn rate. An arc gets a knot for each second, since motion is linear between knots."""
         here, until = self.here, until_s(self.here, self.context)
-        speed_mps, heading = here.linear_mps or 0.0, here.yaw_rad
+        speed_mps, way_rad = here.linear_mps or 0.0, here.way_rad
         if abs(here.turn_radps) > 1e-3:
             return _arc(here, self.context.reading.horizon_s)
-        direction_rad = heading if speed_mps >= 0.0 else heading + pi
-        stops = self._destinations() if abs(speed_mps) > MOVING_MPS else []
+        direction_rad = way_rad if speed_mps >= 0.0 else way_rad + pi
+        stops = self._destinations() if abs(speed_mps) > MOVING_MPS and not here.sideways_rad else []
         if stops and _is_on_way(here, direction_rad, stops[0]):
             end = way_on(knot_at(here), direction_rad, abs(speed_mps), stops[0], until, self.paces.turn_radps)
             knots = self._through([knot_at(here), *end], stops, abs(speed_mps))
             return knots, (here.floor,) * len(knots)
         reach_m = speed_mps * (until - here.t_s)
-        end_x, end_y = here.x_m + reach_m * cos(heading), here.y_m + reach_m * sin(heading)
-        return (knot_at(here), (until, end_x, end_y, heading)), (here.floor,) * 2
+        end_x, end_y = here.x_m + reach_m * cos(way_rad), here.y_m + reach_m * sin(way_rad)
+        return (knot_at(here), (until, end_x, end_y, here.yaw_rad)), (here.floor,) * 2
 
     def _beyond(self, knots: Sequence[Knot], floors: tuple[int, ...]) -> Route:
         """A route that ends before the horizon, and how the robot goes on."""
@@ -270,14 +270,14 @@ def _is_on_way(here: Sighting, direction_rad: float, destination: Knot) -> bool:
 
 
 def _arc(here: Sighting, horizon_s: float) -> Route:
-    steps, radius_m, heading = ceil(horizon_s), (here.linear_mps or 0.0) / here.turn_radps, here.yaw_rad
+    steps, radius_m, way_rad = ceil(horizon_s), (here.linear_mps or 0.0) / here.turn_radps, here.way_rad
     knots = []
     for step in range(steps + 1):
         t_s = horizon_s * step / steps
-        yaw_rad = heading + here.turn_radps * t_s
-        x_m = here.x_m + radius_m * (sin(yaw_rad) - sin(heading))
-        y_m = here.y_m - radius_m * (cos(yaw_rad) - cos(heading))
-        knots.append((here.t_s + t_s, x_m, y_m, yaw_rad))
+        turned_rad = here.turn_radps * t_s
+        x_m = here.x_m + radius_m * (sin(way_rad + turned_rad) - sin(way_rad))
+        y_m = here.y_m - radius_m * (cos(way_rad + turned_rad) - cos(way_rad))
+        knots.append((here.t_s + t_s, x_m, y_m, here.yaw_rad + turned_rad))
     return knots, (here.floor,) * (steps + 1)
 
 

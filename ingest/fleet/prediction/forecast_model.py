@@ -69,7 +69,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     yaw_rad: float
     """nan if the heading is unknown."""
     linear_mps: float | None = None
-    """Speed along the heading, negative backwards; None if neither sent nor observed."""
+    """Speed along the heading, or in the direction of `sideways_rad`, negative backwards; None if neither sent nor
+    observed."""
     turn_radps: float = 0.0
     """Turn rate, anticlockwise positive."""
     clock_offset_s: float = 0.0
@@ -86,6 +87,13 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """For how long it has neither driven nor moved, in one state, as far as was seen."""
     moves_anyway: bool = False
     """Whether it drives and has moved since the sighting before, which has the same state."""
+    sideways_rad: float = 0.0
+    """From the heading to the direction in which it drives; 0 for a robot that drives along its heading."""
+
+    @property
+    def way_rad(self) -> float:
+        """The direction of its speed, unless that is negative."""
+        return self.yaw_rad + self.sideways_rad
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):

@@ -52,7 +52,7 @@ def sense(known: Sense, before: Sighting | None, now: Sighting, status: Status, 
         return known
     dx_m, dy_m = now.x_m - before.x_m, now.y_m - before.y_m
     travel_rad = atan2(dy_m, dx_m)
-    off_rad = abs(turn_between(now.yaw_rad, travel_rad))
+    off_rad = abs(turn_between(now.way_rad, travel_rad))
     is_backing = off_rad >= 3 * pi / 4 and (now.linear_mps is None or now.linear_mps < 0.0)
     if hypot(dx_m, dy_m) <= MOVED_M or off_rad <= pi / 4 or is_backing:
         return known

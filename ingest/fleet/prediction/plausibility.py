@@ -85,6 +85,10 @@ def _stands(sighting: Sighting) -> bool:
     return sighting.linear_mps is not None and abs(sighting.linear_mps) <= MOVING_MPS
 
 
+def _is_across(off_heading_rad: float) -> bool:
+    return pi / 4 < abs(off_heading_rad) < 3 * pi / 4
+
+
 def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
     """`now` with the heading and the speed that were not sent, as the displacement shows them."""
     dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
@@ -93,6 +97,9 @@ def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
         now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
     if now.linear_mps is not None:
         return now
+    if moved_m > MOVED_M and gap_s <= COMPARABLE_S and _is_across(turn_between(now.yaw_rad, atan2(dy, dx))):
+        sideways_rad = turn_between(now.yaw_rad, atan2(dy, dx))
+        return replace(now, linear_mps=moved_m / gap_s, sideways_rad=sideways_rad)
     along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
     if gap_s > COMPARABLE_S:
         along_m = copysign(moved_m, along_m)  # it may have turned on the way
@@ -115,16 +122,20 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
         return _observed(before, now, gap_s), findings
     if moved_m <= MOVED_M or not now.linear_mps:
         return now, findings
-    return _with_sign(now, now.linear_mps, atan2(now.y_m - before.y_m, now.x_m - before.x_m), findings)
+    travel_rad = atan2(now.y_m - before.y_m, now.x_m - before.x_m)
+    if now.sideways_rad and abs(turn_between(now.way_rad, travel_rad)) > pi / 4:
+        without_speed = replace(now, linear_mps=None, sideways_rad=0.0)
+        return _observed(before, without_speed, gap_s), (*findings, "heading-contradicts-motion")
+    return _with_sign(now, now.linear_mps, travel_rad, findings)
 
 
 def _with_sign(
     now: Sighting, linear_mps: float, travel_rad: float, findings: tuple[str, ...]
 ) -> tuple[Sighting, tuple[str, ...]]:
     """`now` with a negative speed if it travels backwards, and the deviations."""
-    off_heading_rad = abs(turn_between(now.yaw_rad, travel_rad))
-    if linear_mps > 0 and off_heading_rad > 3 * pi / 4:
+    off_heading_rad = turn_between(now.way_rad, travel_rad)
+    if linear_mps > 0 and abs(off_heading_rad) > 3 * pi / 4:
         return replace(now, linear_mps=-linear_mps), (*findings, "speed-sign-lost")
-    if pi / 4 < off_heading_rad < 3 * pi / 4:
+    if _is_across(off_heading_rad):
         return now, (*findings, "heading-contradicts-motion")
     return now, findings

@@ -1,6 +1,6 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
-from math import inf, nan, pi, remainder
+from math import atan2, hypot, inf, nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts, Basis
@@ -48,7 +48,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         return None
     position, stamp = pose.position, pose.stamp
     operational = _operational_state(memory, state, pose)
-    linear_mps, turn_radps = _motion(pose.velocity, findings)
+    linear_mps, sideways_rad, turn_radps = _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
     if path is NO_PATH:
@@ -80,6 +80,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
         oddities=tuple(findings.oddities),
         heading_sent=beyond_turn(position.theta),
+        sideways_rad=sideways_rad,
     )
 
 
@@ -96,14 +97,18 @@ def _yaw_rad(position: Position, findings: Findings) -> float:
     return remainder(position.theta, 2 * pi)
 
 
-def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | None, float | None]:
-    """Speed along the heading, and turn rate. None if not sent."""
-    if velocity is None or velocity.vx is None:
-        return None, velocity.omega if velocity else None
-    if not abs(velocity.vx) <= MAX_SPEED_MPS:
+def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | None, float, float | None]:
+    """Speed, the angle from the heading to its direction, and turn rate. Speed and turn rate are None if not sent."""
+    if velocity is None:
+        return None, 0.0, None
+    across_mps = velocity.vy or 0.0
+    speed_mps = hypot(velocity.vx or 0.0, across_mps)
+    if not speed_mps <= MAX_SPEED_MPS:
         findings["speed-absurd"] = None
-        return None, velocity.omega
-    return velocity.vx, velocity.omega
+        return None, 0.0, velocity.omega
+    if abs(across_mps) <= DRIVES_MPS:
+        return velocity.vx, 0.0, velocity.omega
+    return speed_mps, atan2(across_mps, velocity.vx or 0.0), velocity.omega
 
 
 def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:

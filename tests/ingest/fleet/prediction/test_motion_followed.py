@@ -475,3 +475,29 @@ def test_displacement_is_motion_however_often_it_is_reported(hertz: int, stated:
     assert robot.seen.linear_mps == pytest.approx(1.0, abs=0.1)
     assert at(robot.forecast, NOW_S + 6)[0] == pytest.approx(6.0, abs=0.5)
     assert ("speed-contradicts-motion" in robot.deviations) is (stated is not None)
+
+
+@pytest.mark.parametrize("stated", [{"vx": 0.0, "vy": 0.8, "omega": 0.0}, {"vx": 0.8, "vy": 0.0, "omega": 0.0}, None])
+@pytest.mark.parametrize("theta", [0.0, 2.0])
+def test_a_robot_that_drives_sideways_is_foreseen_where_it_goes_with_its_nose_where_it_is(
+    stated: dict[str, float] | None, theta: float
+) -> None:
+    of = hall()
+    for s in range(3):
+        place = position(-0.8 * s * sin(theta), 0.8 * s * cos(theta), theta)
+        of.receive(vda(NOW_S + s, driving=True, agvPosition=place, velocity=stated), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    is_wrong = stated is not None and not stated["vy"]
+    assert ("heading-contradicts-motion" in robot.deviations) is is_wrong
+    if not is_wrong:
+        assert at(robot.forecast, NOW_S + 7) == pytest.approx((-5.6 * sin(theta), 5.6 * cos(theta), theta), abs=0.2)
+
+
+def test_a_velocity_in_the_frame_of_the_map_counts_as_the_robot_moves() -> None:
+    of = hall()
+    for s in range(3):
+        place, velocity = position(0.0, 0.8 * s, pi / 2), {"vx": 0.0, "vy": 0.8, "omega": 0.0}
+        of.receive(vda(NOW_S + s, driving=True, agvPosition=place, velocity=velocity), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert "heading-contradicts-motion" in robot.deviations
+    assert at(robot.forecast, NOW_S + 7) == pytest.approx((0.0, 5.6, pi / 2), abs=0.2)
