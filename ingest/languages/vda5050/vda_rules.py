@@ -76,7 +76,7 @@ _WHERE_TO = (
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule("order-unseen", "A state names an order that was not heard; only what the state says is used.", "order"),
-    in_context("order-outdated", "An update of an order older than the one known; not used.", "order"),
+    in_context("order-outdated", "An update of an order older than the one known; used while a state names it.", "order"),
     in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
     *point_rules("state"),
     Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),

@@ -206,3 +206,33 @@ def test_without_an_order_id_the_newest_order_counts(unread: str, order_id: Any)
     raws = {"order": order(T - 1, LINE), "state": under_way(T, 1.0, 0.0, LINE[1:])}
     raws[unread] = json.dumps(json.loads(raws[unread]) | {"orderId": order_id}).encode()
     assert points(Listener().status_after(*raws.items()).path) == points(on_line())
+
+
+BEND = [node(0, 0.0), node(1, 4.0), node(2, 4.0, 7.0)]
+
+
+@pytest.mark.parametrize("update_id", [None, "v4", {}])
+def test_an_order_without_an_update_id_that_can_be_read_is_the_next_update(update_id: Any) -> None:
+    first = ("order", order(T, LINE, orderUpdateId=3))
+    raw = json.dumps(json.loads(order(T + 1, BEND)) | {"orderUpdateId": update_id}).encode()
+    status = Listener().status_after(first, ("order", raw), ("state", under_way(T + 2, 1.0, 0.0, BEND[1:])))
+    assert points(status.path)[-1][1:] == (4.0, 7.0)
+
+
+@pytest.mark.parametrize("named_first", [False, True])
+def test_an_older_update_counts_while_a_state_names_it(named_first: bool) -> None:
+    listener = Listener()
+    listener.hears("order", order(T, LINE, orderUpdateId=3))
+    listener.hears("state", under_way(T, 0.5, 0.0, LINE[1:], orderUpdateId=0 if named_first else 3))
+    assert "order-outdated" in listener.hears("order", order(T + 1, BEND)).findings
+    for seconds, update_id, end in ((2, 0, (4.0, 7.0)), (3, 3, (10.0, 0.0)), (4, 0, (4.0, 7.0))):
+        nodes = BEND if update_id == 0 else LINE
+        report = under_way(T + seconds, 1.0, 0.0, nodes[1:], orderUpdateId=update_id)
+        assert points(listener.status_after(("state", report)).path)[-1][1:] == end
+
+
+def test_an_older_update_that_no_state_names_is_not_used() -> None:
+    first = ("order", order(T, LINE, orderUpdateId=3))
+    report = ("state", under_way(T + 2, 1.0, 0.0, LINE[1:], orderUpdateId=3))
+    status = Listener().status_after(first, ("order", order(T + 1, BEND)), report)
+    assert points(status.path)[-1][1:] == (10.0, 0.0)
