@@ -97,7 +97,8 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
-    order = next((order for order in reversed(memory.orders) if order.is_meant_by(state.order_id)), None)
+    order_id = state.order_id or None if state.node_states else state.order_id
+    order = next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
@@ -122,6 +123,9 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         if node.sequence_id == last_number and node.node_id == last_id:
             continue
         ordered, edge = nodes.get(number), edges.get(number)
+        if ordered and not ordered.is_meant_by(node.node_id):
+            findings["order-unseen"] = None
+            ordered = edge = None
         place = on_earth(node.node_position) if node.node_position else None
         place = place or (ordered.place if ordered else None)
         between = last_between(curved, first, node.sequence_id) if edge is None and curved else None

@@ -33,6 +33,10 @@ class OrderNode(msgspec.Struct, frozen=True, gc=False):
     """Ids of the actions for which the robot stops there."""
     node_id: str = ""
 
+    def is_meant_by(self, node_id: str) -> bool:
+        """Whether a state with this id is about it. Without an id on either side it may be."""
+        return self.node_id == node_id or not (self.node_id and node_id)
+
 
 class OrderEdge(msgspec.Struct, frozen=True, gc=False):
     """An edge of an order."""

@@ -236,3 +236,20 @@ def test_an_older_update_that_no_state_names_is_not_used() -> None:
     report = ("state", under_way(T + 2, 1.0, 0.0, LINE[1:], orderUpdateId=3))
     status = Listener().status_after(first, ("order", order(T + 1, BEND)), report)
     assert points(status.path)[-1][1:] == (10.0, 0.0)
+
+
+@pytest.mark.parametrize("unnamed", ["order", "state", None])
+def test_a_node_of_an_order_is_used_only_for_a_state_of_the_same_node(unnamed: str | None) -> None:
+    ordered = [node(0, 0.0), node(1, 2.0), node(2, 6.0), node(3, 9.0)]
+    ahead = [node(1, 2.0), node(2, 0.0, nodeId="X"), node(3, 0.0, nodeId="Y")]
+    for each in {"order": ordered[2:], "state": ahead[1:]}.get(unnamed or "", ()):
+        each["nodeId"] = ""
+    status = Listener().status_after(("order", order(T, ordered)), ("state", under_way(T, 1.0, 0.0, ahead)))
+    assert ("order-unseen" in status.findings) == (unnamed is None)
+    assert points(status.path)[-1][1:] == ((2.0, 0.0) if unnamed is None else (9.0, 0.0))
+
+
+def test_a_state_with_nodes_but_an_empty_order_id_is_of_the_newest_order() -> None:
+    status = Listener().status_after(ORDERED, ("state", under_way(T, 1.0, 0.0, LINE[1:], orderId="")))
+    assert points(status.path) == points(on_line())
+    assert "order-unseen" not in status.findings
