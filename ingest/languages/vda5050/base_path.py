@@ -27,7 +27,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
-from ingest.languages.vda5050.trajectories import Polyline, polyline
+from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, is_needless, polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
 
@@ -76,7 +76,10 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
     for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
             findings["node-without-place"] = None
-        if leg.place is None or not (leg.is_released or goes_on) or walk.is_long:
+        if not (leg.is_released or goes_on):
+            break
+        if leg.place is None or walk.is_long:
+            ends_in_stop = False
             break
         walk.along(leg.edge, leg.place)
         if leg.is_released:
@@ -135,7 +138,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
 
 
 class _Walk:
-    """The rows of a path while it grows leg by leg. The first row is the pose of the robot."""
+    """The rows of a path while it grows leg by leg. The first row is the pose of the robot. Needless ones are left out."""
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
@@ -198,7 +201,17 @@ class _Walk:
             self._turn(yaw_rad, edge, CORNER_RAD)
         most_mps = self._most_mps(edge)
         t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
+        if self._is_last_needless(x, y, yaw_rad) and (datum, most_mps) == (self.datums[-1], self.most[-1]):
+            del self.rows[-1], self.datums[-1], self.most[-1]
         self._add((t_s, x, y, yaw_rad), datum, most_mps)
+
+    def _is_last_needless(self, x: float, y: float, yaw_rad: float) -> bool:
+        """Whether the path is nearly the same without its last row, if it goes on to the given point."""
+        if len(self.rows) < 3:
+            return False
+        before, last = ((row[1], row[2]) for row in self.rows[-2:])
+        has_turned = before == last or abs(turn_between(self.rows[-1][3], yaw_rad)) > BEND_RAD
+        return not has_turned and is_needless(before, last, (x, y))
 
     def _turn(self, to_rad: float, edge: OrderEdge, least_rad: float) -> None:
         """Turn on the spot, in parts, if the turn is larger than `least_rad`."""

@@ -253,3 +253,37 @@ def test_a_state_with_nodes_but_an_empty_order_id_is_of_the_newest_order() -> No
     status = Listener().status_after(ORDERED, ("state", under_way(T, 1.0, 0.0, LINE[1:], orderId="")))
     assert points(status.path) == points(on_line())
     assert "order-unseen" not in status.findings
+
+
+def dense(count: int, spacing_m: float) -> list[dict[str, Any]]:
+    return [node(number, spacing_m * number) for number in range(count)]
+
+
+FINE = {"degree": 1, "controlPoints": [{"x": 0.02 * step, "y": 0.0} for step in range(300)]}
+FINER = {"degree": 1, "controlPoints": [{"x": 5.98 + 0.02 * step, "y": 0.0} for step in range(300)]}
+
+
+@pytest.mark.parametrize(
+    ("nodes", "edges", "end_m", "is_stop"),
+    [
+        (LINE, None, 10.0, True),
+        (
+            [node(0, 0.0), node(1, 5.98), node(2, 11.96)],
+            [edge(0, trajectory=FINE), edge(1, trajectory=FINER)],
+            11.96,
+            True,
+        ),
+        (dense(400, 0.05), None, 19.95, True),
+        (dense(40, 4.0), None, 44.0, False),
+        (dense(400, 0.31), [edge(number, maxSpeed=2.0) for number in range(399)], 46.5, False),
+        ([node(0, 0.0), node(1, 4.0), node(2, None), node(3, 9.0)], None, 4.0, False),
+    ],
+    ids=["short", "fine curves", "near nodes", "longer than 40 s", "many nodes", "no place"],
+)
+def test_a_path_is_a_stop_only_where_the_base_ends(
+    nodes: list[dict[str, Any]], edges: list[dict[str, Any]] | None, end_m: float, is_stop: bool
+) -> None:
+    status = Listener().status_after(("order", order(T, nodes, edges)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert points(status.path)[-1][1] == pytest.approx(end_m, abs=1.0)
+    assert status.path.ends_in_stop == is_stop
+    assert len(status.path.poses) <= 151
