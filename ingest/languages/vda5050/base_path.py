@@ -138,7 +138,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
 
 
 class _Walk:
-    """The rows of a path while it grows leg by leg. The first row is the pose of the robot. Needless ones are left out."""
+    """The needed rows of a path while it grows leg by leg. The first row is the pose of the robot."""
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
