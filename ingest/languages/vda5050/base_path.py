@@ -27,7 +27,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
-from ingest.languages.vda5050.trajectories import Polyline, polyline
+from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, is_needless, polyline
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
 
@@ -76,7 +76,10 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
     for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
             findings["node-without-place"] = None
-        if leg.place is None or not (leg.is_released or goes_on) or walk.is_long:
+        if not (leg.is_released or goes_on):
+            break
+        if leg.place is None or walk.is_long:
+            ends_in_stop = False
             break
         walk.along(leg.edge, leg.place)
         if leg.is_released:
@@ -97,7 +100,8 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
-    order = next((order for order in reversed(memory.orders) if order.is_meant_by(state.order_id)), None)
+    order_id = state.order_id or None if state.node_states else state.order_id
+    order = next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
     if order and memory.is_order_newer and order is memory.orders[-1]:
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
@@ -122,6 +126,9 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         if node.sequence_id == last_number and node.node_id == last_id:
             continue
         ordered, edge = nodes.get(number), edges.get(number)
+        if ordered and not ordered.is_meant_by(node.node_id):
+            findings["order-unseen"] = None
+            ordered = edge = None
         place = on_earth(node.node_position) if node.node_position else None
         place = place or (ordered.place if ordered else None)
         between = last_between(curved, first, node.sequence_id) if edge is None and curved else None
@@ -131,7 +138,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
 
 
 class _Walk:
-    """The rows of a path while it grows leg by leg. The first row is the pose of the robot."""
+    """The needed rows of a path while it grows leg by leg. The first row is the pose of the robot."""
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
@@ -194,7 +201,17 @@ class _Walk:
             self._turn(yaw_rad, edge, CORNER_RAD)
         most_mps = self._most_mps(edge)
         t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
+        if self._is_last_needless(x, y, yaw_rad) and (datum, most_mps) == (self.datums[-1], self.most[-1]):
+            del self.rows[-1], self.datums[-1], self.most[-1]
         self._add((t_s, x, y, yaw_rad), datum, most_mps)
+
+    def _is_last_needless(self, x: float, y: float, yaw_rad: float) -> bool:
+        """Whether the path is nearly the same without its last row, if it goes on to the given point."""
+        if len(self.rows) < 3:
+            return False
+        before, last = ((row[1], row[2]) for row in self.rows[-2:])
+        has_turned = before == last or abs(turn_between(self.rows[-1][3], yaw_rad)) > BEND_RAD
+        return not has_turned and is_needless(before, last, (x, y))
 
     def _turn(self, to_rad: float, edge: OrderEdge, least_rad: float) -> None:
         """Turn on the spot, in parts, if the turn is larger than `least_rad`."""

@@ -33,6 +33,10 @@ class OrderNode(msgspec.Struct, frozen=True, gc=False):
     """Ids of the actions for which the robot stops there."""
     node_id: str = ""
 
+    def is_meant_by(self, node_id: str) -> bool:
+        """Whether a state with this id is about it. Without an id on either side it may be."""
+        return self.node_id == node_id or not (self.node_id and node_id)
+
 
 class OrderEdge(msgspec.Struct, frozen=True, gc=False):
     """An edge of an order."""
@@ -50,7 +54,8 @@ class Order(msgspec.Struct, frozen=True, gc=False):
     """The newest state of an order. The numbers of its nodes are their sequence ids, if these rise."""
 
     order_id: str
-    update_id: int
+    update_id: int | None
+    """None if none was sent that can be read."""
     nodes: dict[int, OrderNode]
     """By number, in the order of the way."""
     edges: dict[int, OrderEdge]
@@ -82,7 +87,7 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
         order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
         curve_points += len(read.curve or ())
     order_nodes = {number: _node(node) for number, node in numbered}
-    return Order(message.order_id or "", message.order_update_id or 0, order_nodes, order_edges)
+    return Order(message.order_id or "", message.order_update_id, order_nodes, order_edges)
 
 
 def _from_robot_on(nodes: list[VdaNode], state: StateMessage | None) -> list[VdaNode]:
@@ -97,7 +102,9 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     before = next((order for order in known if order.order_id == newest.order_id), None)
     if before is None:
         return (*known[-1:], newest)
-    if newest.update_id < before.update_id:
+    if newest.update_id is None:
+        newest = msgspec.structs.replace(newest, update_id=before.update_id)
+    elif before.update_id is not None and newest.update_id < before.update_id:
         findings["order-outdated"] = None
         return known
     newest = _continuing(before, newest, findings)
@@ -110,6 +117,17 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     edges = dict(sorted((kept_edges | newest.edges).items())[-MOST_NODES:])
     merged = Order(newest.order_id, newest.update_id, nodes, edges)
     return (*(order for order in known if order is not before), merged)
+
+
+def swapped(
+    known: tuple[Order, ...], outdated: Order | None, state: StateMessage
+) -> tuple[tuple[Order, ...], Order | None]:
+    """The last two orders and the outdated one, which change places if the robot's state names the outdated one."""
+    named = state.order_id or "", state.order_update_id
+    if outdated is None or named != (outdated.order_id, outdated.update_id):
+        return known, outdated
+    before = next((order for order in known if order.order_id == outdated.order_id), None)
+    return (*(order for order in known if order is not before), outdated), before
 
 
 def is_base_extended(known: tuple[Order, ...], newest: Order) -> bool:

@@ -1,7 +1,7 @@
 """Trajectories of VDA 5050: NURBS curves, as polylines."""
 
 from itertools import pairwise
-from math import hypot, isfinite
+from math import atan2, hypot, isfinite
 
 import numpy as np
 
@@ -11,8 +11,11 @@ from ingest.languages.vda5050.vda_messages import Trajectory
 MOST_DEGREE, MOST_CONTROL_POINTS = 10, 500
 SPACING_M = 0.3
 """Distance of two points of a polyline, roughly."""
+BEND_RAD = 0.1
+"""Where a line bends by more than this, a point of it is kept however near the next is."""
 LEAST_POINTS, MOST_POINTS = 9, 65
-Polyline = tuple[tuple[float, float], ...]
+Point = tuple[float, float]
+Polyline = tuple[Point, ...]
 
 
 def polyline(trajectory: Trajectory) -> Polyline | None:
@@ -26,9 +29,25 @@ def polyline(trajectory: Trajectory) -> Polyline | None:
     if not all(0.0 < weight < 1e9 for weight in weights) or not all(_on_earth(*corner) for corner in corners):
         return None
     if degree == 1:
-        return tuple(corners)
+        return _thinned(corners)
     knots = _knots(trajectory.knot_vector, len(points), degree)
     return None if knots is None else _sampled(knots, corners, weights, degree)
+
+
+def is_needless(before: Point, point: Point, after: Point) -> bool:
+    """Whether a line is nearly the same without a point of it, since the next is near and straight on."""
+    (ax, ay), (bx, by), (cx, cy) = before, point, after
+    dx, dy, ex, ey = bx - ax, by - ay, cx - bx, cy - by
+    return hypot(cx - ax, cy - ay) < SPACING_M and abs(atan2(dx * ey - dy * ex, dx * ex + dy * ey)) < BEND_RAD
+
+
+def _thinned(corners: list[Point]) -> Polyline:
+    kept = corners[:2]
+    for corner in corners[2:]:
+        if is_needless(kept[-2], kept[-1], corner):
+            kept.pop()
+        kept.append(corner)
+    return tuple(kept)
 
 
 def _on_earth(x: float, y: float) -> bool:

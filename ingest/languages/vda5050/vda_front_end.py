@@ -20,7 +20,7 @@ from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
-from ingest.languages.vda5050.orders import is_base_extended, order_of, with_update
+from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update
 from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -137,16 +137,21 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
         identity = factsheets.identity_of(*topic.sender, message, stamp, findings)
         return identity, msgspec.structs.replace(memory, abilities=factsheets.abilities_of(message))
     if isinstance(message, OrderMessage):
-        orders = with_update(memory.orders, order_of(message, memory.state, findings), findings)
-        is_newer = orders is not memory.orders
-        bases = memory.bases
-        if is_newer and is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
-            bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
-        is_order_newer = is_newer or memory.is_order_newer
-        memory = msgspec.structs.replace(memory, orders=orders, is_order_newer=is_order_newer, bases=bases)
+        memory = _with_order(memory, order_of(message, memory.state, findings), findings)
     elif isinstance(message, ConnectionMessage):
         memory = _with_connection(memory, message.connection_state or "", heard)
     return update_of(topic.sender.uuid, findings), memory
+
+
+def _with_order(memory: VdaMemory, newest: Order, findings: Findings) -> VdaMemory:
+    orders = with_update(memory.orders, newest, findings)
+    if orders is memory.orders:
+        orders, outdated = swapped(orders, newest, memory.state or StateMessage())
+        return msgspec.structs.replace(memory, orders=orders, outdated=outdated)
+    bases = memory.bases
+    if is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
+        bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
+    return msgspec.structs.replace(memory, orders=orders, outdated=None, is_order_newer=True, bases=bases)
 
 
 def _is_last_will(message: Header) -> bool:
@@ -184,7 +189,9 @@ def _read_motion(
     position, last = message.position, memory.pose
     is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
     if isinstance(message, StateMessage):
-        changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
+        orders, outdated = swapped(memory.orders, memory.outdated, message)
+        changes = changes | {"state": message, "orders": orders, "outdated": outdated}
+        changes |= {"is_order_newer": False, "connection": "ONLINE"}
     if position is None:
         key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
         findings.note("position-missing", key, None, "where it was last seen")

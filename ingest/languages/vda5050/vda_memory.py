@@ -51,6 +51,8 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     pose: VdaPose | None = None
     orders: tuple[Order, ...] = ()
     """The last two, the newest last."""
+    outdated: Order | None = None
+    """The newest update that was older than its order, until a further order. The robot may have taken it."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
     bases: BaseEnds = BaseEnds()

@@ -75,8 +75,10 @@ _WHERE_TO = (
     Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
-    Rule("order-unseen", "A state names an order that was not heard; only what the state says is used.", "order"),
-    in_context("order-outdated", "An update of an order older than the one known; not used.", "order"),
+    Rule(
+        "order-unseen", "A state names an order or node that was not heard; only what the state says is used.", "order"
+    ),
+    in_context("order-outdated", "An update older than the order known; used while a state names it.", "order"),
     in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
     *point_rules("state"),
     Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),

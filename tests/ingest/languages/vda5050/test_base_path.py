@@ -206,3 +206,84 @@ def test_without_an_order_id_the_newest_order_counts(unread: str, order_id: Any)
     raws = {"order": order(T - 1, LINE), "state": under_way(T, 1.0, 0.0, LINE[1:])}
     raws[unread] = json.dumps(json.loads(raws[unread]) | {"orderId": order_id}).encode()
     assert points(Listener().status_after(*raws.items()).path) == points(on_line())
+
+
+BEND = [node(0, 0.0), node(1, 4.0), node(2, 4.0, 7.0)]
+
+
+@pytest.mark.parametrize("update_id", [None, "v4", {}])
+def test_an_order_without_an_update_id_that_can_be_read_is_the_next_update(update_id: Any) -> None:
+    first = ("order", order(T, LINE, orderUpdateId=3))
+    raw = json.dumps(json.loads(order(T + 1, BEND)) | {"orderUpdateId": update_id}).encode()
+    status = Listener().status_after(first, ("order", raw), ("state", under_way(T + 2, 1.0, 0.0, BEND[1:])))
+    assert points(status.path)[-1][1:] == (4.0, 7.0)
+
+
+@pytest.mark.parametrize("named_first", [False, True])
+def test_an_older_update_counts_while_a_state_names_it(named_first: bool) -> None:
+    listener = Listener()
+    listener.hears("order", order(T, LINE, orderUpdateId=3))
+    listener.hears("state", under_way(T, 0.5, 0.0, LINE[1:], orderUpdateId=0 if named_first else 3))
+    assert "order-outdated" in listener.hears("order", order(T + 1, BEND)).findings
+    for seconds, update_id, end in ((2, 0, (4.0, 7.0)), (3, 3, (10.0, 0.0)), (4, 0, (4.0, 7.0))):
+        nodes = BEND if update_id == 0 else LINE
+        report = under_way(T + seconds, 1.0, 0.0, nodes[1:], orderUpdateId=update_id)
+        assert points(listener.status_after(("state", report)).path)[-1][1:] == end
+
+
+def test_an_older_update_that_no_state_names_is_not_used() -> None:
+    first = ("order", order(T, LINE, orderUpdateId=3))
+    report = ("state", under_way(T + 2, 1.0, 0.0, LINE[1:], orderUpdateId=3))
+    status = Listener().status_after(first, ("order", order(T + 1, BEND)), report)
+    assert points(status.path)[-1][1:] == (10.0, 0.0)
+
+
+@pytest.mark.parametrize("unnamed", ["order", "state", None])
+def test_a_node_of_an_order_is_used_only_for_a_state_of_the_same_node(unnamed: str | None) -> None:
+    ordered = [node(0, 0.0), node(1, 2.0), node(2, 6.0), node(3, 9.0)]
+    ahead = [node(1, 2.0), node(2, 0.0, nodeId="X"), node(3, 0.0, nodeId="Y")]
+    for each in {"order": ordered[2:], "state": ahead[1:]}.get(unnamed or "", ()):
+        each["nodeId"] = ""
+    status = Listener().status_after(("order", order(T, ordered)), ("state", under_way(T, 1.0, 0.0, ahead)))
+    assert ("order-unseen" in status.findings) == (unnamed is None)
+    assert points(status.path)[-1][1:] == ((2.0, 0.0) if unnamed is None else (9.0, 0.0))
+
+
+def test_a_state_with_nodes_but_an_empty_order_id_is_of_the_newest_order() -> None:
+    status = Listener().status_after(ORDERED, ("state", under_way(T, 1.0, 0.0, LINE[1:], orderId="")))
+    assert points(status.path) == points(on_line())
+    assert "order-unseen" not in status.findings
+
+
+def dense(count: int, spacing_m: float) -> list[dict[str, Any]]:
+    return [node(number, spacing_m * number) for number in range(count)]
+
+
+FINE = {"degree": 1, "controlPoints": [{"x": 0.02 * step, "y": 0.0} for step in range(300)]}
+FINER = {"degree": 1, "controlPoints": [{"x": 5.98 + 0.02 * step, "y": 0.0} for step in range(300)]}
+
+
+@pytest.mark.parametrize(
+    ("nodes", "edges", "end_m", "is_stop"),
+    [
+        (LINE, None, 10.0, True),
+        (
+            [node(0, 0.0), node(1, 5.98), node(2, 11.96)],
+            [edge(0, trajectory=FINE), edge(1, trajectory=FINER)],
+            11.96,
+            True,
+        ),
+        (dense(400, 0.05), None, 19.95, True),
+        (dense(40, 4.0), None, 44.0, False),
+        (dense(400, 0.31), [edge(number, maxSpeed=2.0) for number in range(399)], 46.5, False),
+        ([node(0, 0.0), node(1, 4.0), node(2, None), node(3, 9.0)], None, 4.0, False),
+    ],
+    ids=["short", "fine curves", "near nodes", "longer than 40 s", "many nodes", "no place"],
+)
+def test_a_path_is_a_stop_only_where_the_base_ends(
+    nodes: list[dict[str, Any]], edges: list[dict[str, Any]] | None, end_m: float, is_stop: bool
+) -> None:
+    status = Listener().status_after(("order", order(T, nodes, edges)), ("state", under_way(T, 0.0, 0.0, nodes[1:])))
+    assert points(status.path)[-1][1] == pytest.approx(end_m, abs=1.0)
+    assert status.path.ends_in_stop == is_stop
+    assert len(status.path.poses) <= 151

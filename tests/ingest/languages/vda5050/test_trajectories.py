@@ -1,4 +1,5 @@
-from math import hypot, sqrt
+from itertools import pairwise
+from math import cos, hypot, sin, sqrt
 
 import pytest
 
@@ -52,3 +53,21 @@ def test_a_long_curve_has_a_limited_number_of_points() -> None:
 )
 def test_what_is_no_clamped_curve_is_none(trajectory: Trajectory) -> None:
     assert polyline(trajectory) is None
+
+
+def test_a_line_that_is_drawn_finely_is_thinned_and_keeps_its_corners() -> None:
+    out = [ControlPoint(0.02 * step, 0.0) for step in range(201)]
+    up = [ControlPoint(4.0, 0.02 * step) for step in range(1, 151)]
+    points = polyline(Trajectory([*out, *up], 1))
+    assert points is not None
+    assert len(points) < 30
+    assert {points[0], points[-1]} == {(0.0, 0.0), (4.0, 3.0)}
+    assert (4.0, 0.0) in points
+
+
+def test_a_circle_that_is_drawn_finely_stays_one() -> None:
+    circle = [ControlPoint(cos(step / 50), sin(step / 50)) for step in range(300)]
+    points = polyline(Trajectory(circle, 1))
+    assert points is not None
+    assert len(points) < 60
+    assert all(hypot(ax + bx, ay + by) / 2 > 0.99 for (ax, ay), (bx, by) in pairwise(points))
