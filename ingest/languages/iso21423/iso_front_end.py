@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.iso21423.iso_memory import NOTHING, REORDERED_S, IsoMemory, IsoPose
+from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
     REQUIRED,
@@ -135,7 +135,7 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
         memory = replace(memory, respelt=memory.respelt ^ {resource})
     stamp = stamp_of(message.timestamp, findings)
     last_s = memory.heard_s.get(resource)
-    if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
+    if last_s is not None and last_s - timestamps.REORDERED_S < stamp.t_s <= last_s:
         findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory
     if stamp.is_known:

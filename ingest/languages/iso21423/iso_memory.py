@@ -9,9 +9,6 @@ from ingest.languages.model import NO_PATH, Path
 from ingest.languages.outlines import Outline
 from ingest.languages.timestamps import Stamp
 
-REORDERED_S = 60.0
-"""A message that is older than another by more comes from a clock that was set back."""
-
 
 class IsoPose(NamedTuple):
     """The newest odometry."""

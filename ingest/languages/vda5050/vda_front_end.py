@@ -181,8 +181,7 @@ def _read_motion(
     findings: Findings,
 ) -> tuple[Message, VdaMemory]:
     """What a state or a visualization says. `changes` are those of the memory by any message."""
-    position, last = message.position, memory.pose
-    is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
+    position = message.position
     if isinstance(message, StateMessage):
         changes = changes | {"state": message, "is_order_newer": False, "connection": "ONLINE"}
     if position is None:
@@ -190,10 +189,22 @@ def _read_motion(
         findings.note("position-missing", key, None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION and abs(position.y) <= MAX_POSITION):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
-    elif is_newest:
+    elif memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
+        findings["stamp-not-increasing"] = None
+    else:
         stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
+
+
+def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
+    """Whether a pose was overtaken by one of another topic. `last` is the message before of its own topic.
+
+    If it is older than that one, or much older than the newest pose, the robot's clock was set back.
+    """
+    if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
+        return False
+    return 0.0 < newest.t_s - stamp.t_s <= timestamps.REORDERED_S

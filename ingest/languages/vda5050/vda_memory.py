@@ -2,7 +2,7 @@
 
 import msgspec
 
-from ingest.languages.timestamps import Stamp
+from ingest.languages.timestamps import REORDERED_S, Stamp
 from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
@@ -28,8 +28,14 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
         return later.header_id == self.header_id and later.stamp_s == self.stamp_s
 
     def is_newer_than(self, later: "Heard") -> bool:
-        """Whether a message that came later is older. A sender whose clock was set back still counts its messages."""
-        return later.stamp_s < self.stamp_s and (later.header_id or 0) <= (self.header_id or 0)
+        """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
+
+        If it counts nothing, only a message that is older by little is late.
+        """
+        number, later_number = self.header_id or 0, later.header_id or 0
+        if later_number == number:
+            return 0.0 < self.stamp_s - later.stamp_s <= REORDERED_S
+        return later.stamp_s < self.stamp_s and later_number < number
 
 
 class Abilities(msgspec.Struct, frozen=True, gc=False):

@@ -116,4 +116,8 @@ def test_older_messages_and_repeated_ones_change_nothing() -> None:
     assert listener.hears("odometry", odometry(T, 4.0)).findings == ("message-repeated",)
     assert listener.hears("odometry", odometry(T - 1, 4.0)).findings == ("message-reordered",)
     assert listener.memory is before
-    assert listener.status_after(("odometry", odometry(T - 3600, 6.0))).x == 6.0, "its clock was set back"
+
+
+@pytest.mark.parametrize("back_s", [5.0, 3600.0])
+def test_a_robot_whose_clock_was_set_back_is_placed(back_s: float) -> None:
+    assert IsoListener().status_after(HERE, ("odometry", odometry(T - back_s, 6.0))).x == 6.0

@@ -1,3 +1,5 @@
+import pytest
+
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import Rejection, Status, Update
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
@@ -43,14 +45,41 @@ def test_an_older_message_that_comes_later_changes_nothing() -> None:
 def test_a_robot_whose_clock_was_set_back_is_heard() -> None:
     listener = Listener()
     listener.hears("state", state(T, 1.0, headerId=7))
-    assert isinstance(listener.hears("visualization", visualization(T - 3600, 2.0, 0.0)), Update)
-    assert not listener.hears("state", state(T - 3600, 3.0, headerId=8)).findings
+    assert listener.status_after(("visualization", visualization(T - 3600, 2.0, 0.0))).x == 2.0
+    placed = listener.hears("state", state(T - 3600, 3.0, headerId=8))
+    assert isinstance(placed, Status)
+    assert (placed.x, placed.stamp_s, placed.findings) == (3.0, T - 3600, ())
+
+
+@pytest.mark.parametrize("back_s", [1.0, 3600.0, 3e8])
+def test_a_robot_whose_clock_was_set_back_is_placed_by_each_message(back_s: float) -> None:
+    listener = Listener()
+    listener.hears("visualization", visualization(T, 1.0, 0.0, headerId=70))
+    listener.hears("state", state(T, 1.0, headerId=7))
+    for step in range(1, 4):
+        t_s = T - back_s + step / 10
+        moved = listener.hears("state", state(t_s, 1.0 + step, headerId=7 + step))
+        assert isinstance(moved, Status)
+        assert (moved.x, moved.findings) == (1.0 + step, ())
+        moved = listener.hears("visualization", visualization(t_s, 1.5 + step, 0.0, headerId=70 + step))
+        assert isinstance(moved, Status)
+
+
+@pytest.mark.parametrize("number", [None, 0])
+def test_a_robot_that_does_not_count_its_messages_is_heard_after_a_stamp_too_far_ahead(number: int | None) -> None:
+    listener = Listener()
+    listener.hears("state", state(T + 3600, 1.0, headerId=number))
+    placed = listener.hears("state", state(T, 3.0, headerId=number))
+    assert isinstance(placed, Status)
+    assert placed.x == 3.0
 
 
 def test_a_state_older_than_a_visualization_has_no_newer_pose_but_all_else() -> None:
     listener = Listener()
     listener.hears("visualization", visualization(T + 1, 5.0, 0.0))
-    assert isinstance(listener.hears("state", state(T, 4.0, paused=True)), Update)
+    late = listener.hears("state", state(T, 4.0, paused=True))
+    assert isinstance(late, Update)
+    assert late.findings == ("stamp-not-increasing",)
     status = listener.front_end.status(b"", listener.memory, None)
     assert status is not None
     assert (status.x, status.state) == (5.0, "waitingExternalEvent")
