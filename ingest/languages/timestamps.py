@@ -44,8 +44,6 @@ class Stamp(msgspec.Struct, frozen=True, gc=False):
         return isfinite(self.resolution_s)
 
 
-REORDERED_S = 3.0
-"""A message that is older than another by more comes from a clock that was set back."""
 NO_STAMP = Stamp(nan, inf)
 """Of a message that has none, or one that can't be read."""
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from ingest.languages.heard import Heard
 from ingest.languages.iso21423.iso_messages import IdentityMessage, OdometryPose, Speeds
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.outlines import Outline
@@ -21,8 +22,8 @@ class IsoPose(NamedTuple):
 class IsoMemory(msgspec.Struct, frozen=True, gc=False):
     """All that is kept of a robot."""
 
-    heard_s: dict[str, float] = {}
-    """By resource, the time of the newest message."""
+    heard: dict[str, Heard] = {}
+    """By resource."""
     respelt: frozenset[str] = frozenset()
     """Resources whose last message had keys in another spelling."""
     identity: IdentityMessage | None = None

@@ -15,13 +15,14 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
+from ingest.languages.heard import REORDERED_S, Heard
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.orders import is_base_extended, order_of, with_update
-from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
     ConnectionMessage,
@@ -124,12 +125,15 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
-    heard = Heard(message.header_id, time_of(stamp))
+    heard = Heard(hash(raw), time_of(stamp), message.header_id)
     last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
+    if last and last.has_header_of(heard):
+        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
+        stamp = timestamps.NO_STAMP
     if isinstance(message, VdaMotion):
         return _read_motion(message, topic, stamp, memory, changes, findings)
     memory = msgspec.structs.replace(memory, **changes)
@@ -207,4 +211,4 @@ def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | No
     """
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
         return False
-    return 0.0 < newest.t_s - stamp.t_s <= timestamps.REORDERED_S
+    return 0.0 < newest.t_s - stamp.t_s <= REORDERED_S

@@ -2,7 +2,8 @@
 
 import msgspec
 
-from ingest.languages.timestamps import REORDERED_S, Stamp
+from ingest.languages.heard import Heard
+from ingest.languages.timestamps import Stamp
 from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
@@ -16,26 +17,6 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     velocity: Velocity2d | None
     intermediate_path: IntermediatePath | None
     planned_path: PlannedPath | None
-
-
-class Heard(msgspec.Struct, frozen=True, gc=False):
-    """The header of the newest message of one topic."""
-
-    header_id: int | None
-    stamp_s: float
-
-    def is_repeated_by(self, later: "Heard") -> bool:
-        return later.header_id == self.header_id and later.stamp_s == self.stamp_s
-
-    def is_newer_than(self, later: "Heard") -> bool:
-        """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
-
-        If it counts nothing, only a message that is older by little is late.
-        """
-        number, later_number = self.header_id or 0, later.header_id or 0
-        if later_number == number:
-            return 0.0 < self.stamp_s - later.stamp_s <= REORDERED_S
-        return later.stamp_s < self.stamp_s and later_number < number
 
 
 class Abilities(msgspec.Struct, frozen=True, gc=False):

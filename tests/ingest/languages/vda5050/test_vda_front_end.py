@@ -1,9 +1,12 @@
+from math import isinf
+from typing import Any
+
 import pytest
 
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import Rejection, Status, Update
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
-from tests.helpers.vda_saying import position, state, topic, vda, visualization
+from tests.helpers.vda_saying import node, order, position, state, topic, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 
@@ -109,3 +112,21 @@ def test_kinds_without_a_meaning_here_are_accepted() -> None:
     for kind in ("zoneSet", "responses"):
         assert isinstance(listener.hears(kind, vda(T)), Update)
     assert isinstance(listener.hears("state", state(T + 1, agvPosition=position(2.0))), Status)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [{"headerId": 0, "timestamp": "1970-01-01T00:00:00.000Z"}, {"headerId": None, "timestamp": "2026-09-21T14:13:20Z"}],
+)
+def test_a_header_that_is_not_filled_in_hides_no_message(header: dict[str, Any]) -> None:
+    listener = Listener()
+    listener.hears("order", order(T, [node(0, 0.0), node(1, 4.0)], **header))
+    listener.hears("order", order(T, [node(0, 0.0), node(1, 4.0), node(2, 9.0)], orderUpdateId=1, **header))
+    assert listener.memory is not None
+    assert listener.memory.orders[-1].update_id == 1
+    for x in (1.0, 2.0, 3.0):
+        raw = state(T, x, **header)
+        moved = listener.status_after(("state", raw))
+        assert (moved.x, "stamp-unchanged" in moved.findings) == (x, x > 1.0)
+        assert isinf(moved.stamp_resolution_s) == (x > 1.0)
+        assert "message-repeated" in listener.hears("state", raw).findings
