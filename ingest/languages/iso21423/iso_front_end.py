@@ -132,8 +132,8 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
     resource = topic.resource
     message = _decoded(resource, raw, findings, is_first=resource not in memory.heard or resource in memory.respelt)
-    if ("key-spelling" in findings) != (resource in memory.respelt):
-        memory = replace(memory, respelt=memory.respelt ^ {resource})
+    if "key-spelling" in findings and resource not in memory.respelt:
+        memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
     heard, last = Heard(hash(raw), time_of(stamp)), memory.heard.get(resource) if stamp.is_known else None
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):

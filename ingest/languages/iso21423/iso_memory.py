@@ -25,7 +25,7 @@ class IsoMemory(msgspec.Struct, frozen=True, gc=False):
     heard: dict[str, Heard] = {}
     """By resource."""
     respelt: frozenset[str] = frozenset()
-    """Resources whose last message had keys in another spelling."""
+    """Resources of which any message had keys in another spelling."""
     identity: IdentityMessage | None = None
     outline: Outline | None = None
     """The active footprint; None if only the identity has one."""

@@ -58,7 +58,7 @@ def decoded(
     """The message as a model whose keys are all optional. `required` keys are attributes with their spelling.
 
     A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
-    the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
+    one that `is_first`. Raises `RejectedError` if it can't be
     understood.
     """
     if not is_first:

@@ -119,9 +119,10 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
     kind = topic.kind
-    message = read_message(kind, raw, findings, is_first=kind not in memory.heard or kind in memory.respelt)
-    if ("key-spelling" in findings) != (kind in memory.respelt):
-        memory = msgspec.structs.replace(memory, respelt=memory.respelt ^ {kind})
+    is_first = kind not in memory.heard or kind in memory.respelt
+    message = read_message(kind, raw, findings, memory.state, is_first=is_first)
+    if "key-spelling" in findings and kind not in memory.respelt:
+        memory = msgspec.structs.replace(memory, respelt=memory.respelt | {kind})
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)

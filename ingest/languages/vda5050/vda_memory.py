@@ -33,7 +33,7 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     heard: dict[str, Heard] = {}
     """By kind of message."""
     respelt: frozenset[str] = frozenset()
-    """Kinds of messages whose last one had keys in another spelling."""
+    """Kinds of messages of which any had keys in another spelling."""
     state: StateMessage | None = None
     pose: VdaPose | None = None
     orders: tuple[Order, ...] = ()

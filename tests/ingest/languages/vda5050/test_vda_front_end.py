@@ -5,6 +5,7 @@ import pytest
 
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import Rejection, Status, Update
+from ingest.languages.tolerance import tolerant_json
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
 from tests.helpers.vda_saying import node, order, position, state, topic, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
@@ -130,3 +131,46 @@ def test_a_header_that_is_not_filled_in_hides_no_message(header: dict[str, Any])
         assert (moved.x, "stamp-unchanged" in moved.findings) == (x, x > 1.0)
         assert isinf(moved.stamp_resolution_s) == (x > 1.0)
         assert "message-repeated" in listener.hears("state", raw).findings
+
+
+EMPTY: dict[str, Any] = {"loads": [], "nodeStates": [], "actionStates": [], "errors": []}
+FATAL = {"errorType": "motor", "errorLevel": "FATAL"}
+NODE = {"nodeId": "n2", "sequenceId": 2, "released": True}
+SIZE = {"length": 1.2, "width": 0.8, "height": 0.2}
+CENTRE = {"x": 0.0, "y": 0.0, "z": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("key", "usual", "odd"),
+    [
+        ("errors", FATAL, {"errorType": "motor", "errorlevel": "FATAL"}),
+        ("nodeStates", NODE, {"nodeID": "n2", "sequenceId": 2, "Released": True}),
+        ("nodeStates", NODE, {"nodeId": "n2", "sequenceId": 2, "Released": True}),
+        ("actionStates", {"actionStatus": "RUNNING"}, {"action_status": "RUNNING"}),
+        (
+            "loads",
+            {"loadDimensions": SIZE, "boundingBoxReference": CENTRE},
+            {"load_dimensions": SIZE, "boundingBoxReference": CENTRE},
+        ),
+    ],
+)
+def test_a_key_of_an_item_in_another_spelling_is_read_after_an_empty_list(
+    key: str, usual: dict[str, Any], odd: dict[str, Any]
+) -> None:
+    empty = ("state", state(T, **EMPTY))
+    expected = Listener().status_after(empty, ("state", state(T + 1, **EMPTY | {key: [usual]})))
+    listener = Listener()
+    read = listener.status_after(empty, ("state", state(T + 1, **EMPTY | {key: [odd]})))
+    assert set(read.findings) == {*expected.findings, "key-spelling"}
+    assert (read.state, read.is_blocked, read.loads) == (expected.state, expected.is_blocked, expected.loads)
+    listener.hears("state", state(T + 2, **EMPTY))
+    mixed = state(T + 3, **EMPTY | {key: [usual]}, Velocity={"vx": 0.5})
+    assert listener.status_after(("state", mixed)).linear_mps == 0.5
+
+
+def test_a_usual_message_is_not_read_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    listener = Listener()
+    items: dict[str, Any] = {"loads": [{"loadId": "7"}], "nodeStates": [NODE], "actionStates": [], "errors": [FATAL]}
+    listener.hears("state", state(T, **items))
+    monkeypatch.setattr(tolerant_json, "_repaired", None)
+    assert isinstance(listener.hears("state", state(T + 1, 1.0, **items)), Status)
