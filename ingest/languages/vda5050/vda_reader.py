@@ -60,32 +60,32 @@ def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:
     return position is None or position.map_id is None or position.theta is None or lacks_required(required, message)
 
 
-def _lacks_key_of_item(required: Callable[[Any], Any], message: Any) -> bool:
-    """The same of an order or a state, and of the items of its lists."""
-    is_state = isinstance(message, StateMessage)
-    if (_lacks_key_of_motion if is_state else lacks_required)(required, message):
-        return True
-    return any(
-        absent in map(key, items)
-        for items_of, key, absent in (_OF_STATES if is_state else _OF_ORDERS)
-        if (items := items_of(message))
+def _lacks_key_of_state(required: Callable[[Any], Any], message: Any) -> bool:
+    """The same of a state, and of the items of its lists."""
+    return (
+        _lacks_key_of_motion(required, message)
+        or _lacks_key_of_node(message.node_states)
+        or None in map(_ACTION_STATUS, message.action_states or ())
+        or None in map(_ERROR_LEVEL, message.errors or ())
     )
+
+
+def _lacks_key_of_order(required: Callable[[Any], Any], message: Any) -> bool:
+    return lacks_required(required, message) or _lacks_key_of_node(message.nodes)
+
+
+def _lacks_key_of_node(nodes: list[Any] | None) -> bool:
+    """Whether the first node lacks a key that all must have. The others are spelt as it is."""
+    first = nodes[0] if nodes else None
+    return first is not None and (not first.node_id or first.released is None)
 
 
 def _has_loads_or(lacks_key: Callable[[Any], bool], message: StateMessage) -> bool:
     return bool(message.loads) or lacks_key(message)
 
 
-_OF_ORDERS: list[tuple[Callable[[Any], Any], Callable[[Any], Any], str | None]]
-_OF_ORDERS = [(attrgetter("nodes"), attrgetter("node_id"), ""), (attrgetter("nodes"), attrgetter("released"), None)]
-_OF_STATES = [
-    (attrgetter("node_states"), attrgetter("node_id"), ""),
-    (attrgetter("node_states"), attrgetter("released"), None),
-    (attrgetter("action_states"), attrgetter("action_status"), None),
-    (attrgetter("errors"), attrgetter("error_level"), None),
-]
-"""Lists, keys that each of their items must have, and what stands for an absent one."""
-_LACKS = {"order": _lacks_key_of_item, "state": _lacks_key_of_item, "visualization": _lacks_key_of_motion}
+_ACTION_STATUS, _ERROR_LEVEL = attrgetter("action_status"), attrgetter("error_level")
+_LACKS = {"order": _lacks_key_of_order, "state": _lacks_key_of_state, "visualization": _lacks_key_of_motion}
 _LACKS_KEY: dict[str, Callable[[Any], bool]] = {
     kind: partial(_LACKS.get(kind, lacks_required), attrgetter(*keys)) for kind, keys in REQUIRED.items()
 }
