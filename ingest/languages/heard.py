@@ -4,6 +4,8 @@ import msgspec
 
 REORDERED_S = 3.0
 """A message that is older than another by more comes from a clock that was set back."""
+MOST_SAME_STAMPS = 20
+"""As many messages may have the same stamp, if their numbers rise: those of two seconds, with stamps of whole ones."""
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
@@ -12,6 +14,8 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     content_hash: int
     stamp_s: float
     header_id: int | None = None
+    same_stamps: int = 0
+    """Messages just before it that have its stamp."""
 
     def is_repeated_by(self, later: "Heard") -> bool:
         return later.content_hash == self.content_hash
@@ -27,5 +31,12 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
         return later.stamp_s < self.stamp_s and later_number < number
 
     def has_header_of(self, later: "Heard") -> bool:
-        """Whether nothing but the content tells them apart, as the sender fills in no header or its clock stands."""
-        return later.stamp_s == self.stamp_s and later.header_id == self.header_id
+        """Whether the header does not tell when a later one was sent: it is not filled in, or the clock stands."""
+        is_counted = later.header_id != self.header_id and later.same_stamps <= MOST_SAME_STAMPS
+        return later.stamp_s == self.stamp_s and not is_counted
+
+
+def message_after(last: Heard | None, raw: bytes, stamp_s: float, header_id: int | None = None) -> Heard:
+    """What is kept of a message that came after `last` of the same topic."""
+    same_stamps = last.same_stamps + 1 if last and last.stamp_s == stamp_s else 0
+    return Heard(hash(raw), stamp_s, header_id, same_stamps)

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.heard import Heard
+from ingest.languages.heard import message_after
 from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
@@ -135,7 +135,8 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     if "key-spelling" in findings and resource not in memory.respelt:
         memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
-    heard, last = Heard(hash(raw), time_of(stamp)), memory.heard.get(resource) if stamp.is_known else None
+    last = memory.heard.get(resource) if stamp.is_known else None
+    heard = message_after(last, raw, time_of(stamp))
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory

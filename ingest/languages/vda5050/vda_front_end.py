@@ -15,7 +15,7 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.heard import REORDERED_S, Heard
+from ingest.languages.heard import REORDERED_S, Heard, message_after
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
@@ -126,8 +126,8 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
-    heard = Heard(hash(raw), time_of(stamp), message.header_id)
     last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
+    heard = message_after(last, raw, time_of(stamp), message.header_id)
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory
