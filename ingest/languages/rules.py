@@ -132,6 +132,11 @@ def late_rules(clause: str) -> tuple[Rule, ...]:
     return (
         in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", clause),
         in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", clause),
+        in_context(
+            "stamp-unchanged",
+            "Another message came with the time of the last one, as if the clock stood; as of its arrival.",
+            clause,
+        ),
         in_context("stamp-stale", "The message took 2 s longer than the robot's quickest one.", clause),
         in_context("clock-off", "The robot's clock is off; its times are corrected.", clause),
     )

@@ -155,7 +155,7 @@ def _position(robot: Robot) -> str:
 
 def _kinds_heard(robot: Robot) -> list[str]:
     """The kinds of message that have come of it, as its language calls them."""
-    heard: Any = getattr(robot.memory, "heard", None) or getattr(robot.memory, "heard_s", None)
+    heard: Any = getattr(robot.memory, "heard", None)
     return sorted(heard) if heard else ["identity report"] if robot.identity else []
 
 

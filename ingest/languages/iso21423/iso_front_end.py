@@ -14,7 +14,8 @@ from msgspec.structs import replace
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.iso21423.iso_memory import NOTHING, REORDERED_S, IsoMemory, IsoPose
+from ingest.languages.heard import message_after
+from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
     REQUIRED,
@@ -130,16 +131,20 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
 
 def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
     resource = topic.resource
-    message = _decoded(resource, raw, findings, is_first=resource not in memory.heard_s or resource in memory.respelt)
-    if ("key-spelling" in findings) != (resource in memory.respelt):
-        memory = replace(memory, respelt=memory.respelt ^ {resource})
+    message = _decoded(resource, raw, findings, is_first=resource not in memory.heard or resource in memory.respelt)
+    if "key-spelling" in findings and resource not in memory.respelt:
+        memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
-    last_s = memory.heard_s.get(resource)
-    if last_s is not None and last_s - REORDERED_S < stamp.t_s <= last_s:
-        findings["message-repeated" if stamp.t_s == last_s else "message-reordered"] = None
+    last = memory.heard.get(resource) if stamp.is_known else None
+    heard = message_after(last, raw, time_of(stamp))
+    if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
+        findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory
     if stamp.is_known:
-        memory = replace(memory, heard_s=memory.heard_s | {resource: stamp.t_s})
+        memory = replace(memory, heard=memory.heard | {resource: heard})
+    if last and last.has_header_of(heard):
+        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
+        stamp = timestamps.NO_STAMP
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):

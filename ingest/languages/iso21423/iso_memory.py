@@ -4,13 +4,11 @@ from typing import NamedTuple
 
 import msgspec
 
+from ingest.languages.heard import Heard
 from ingest.languages.iso21423.iso_messages import IdentityMessage, OdometryPose, Speeds
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.outlines import Outline
 from ingest.languages.timestamps import Stamp
-
-REORDERED_S = 60.0
-"""A message that is older than another by more comes from a clock that was set back."""
 
 
 class IsoPose(NamedTuple):
@@ -24,10 +22,10 @@ class IsoPose(NamedTuple):
 class IsoMemory(msgspec.Struct, frozen=True, gc=False):
     """All that is kept of a robot."""
 
-    heard_s: dict[str, float] = {}
-    """By resource, the time of the newest message."""
+    heard: dict[str, Heard] = {}
+    """By resource."""
     respelt: frozenset[str] = frozenset()
-    """Resources whose last message had keys in another spelling."""
+    """Resources of which any message had keys in another spelling."""
     identity: IdentityMessage | None = None
     outline: Outline | None = None
     """The active footprint; None if only the identity has one."""

@@ -35,7 +35,7 @@ _KEYS = (
     Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "JSON"),
     *word_rules("status"),
     *stamp_rules("times"),
-    in_context("message-repeated", "A message with the time of the last one came; not used.", "times"),
+    in_context("message-repeated", "The same message came again, as from a second broker; not used.", "times"),
     *late_rules("times"),
 )
 _WHO = (

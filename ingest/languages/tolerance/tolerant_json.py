@@ -17,6 +17,11 @@ from ingest.languages.tolerance.value_reader import LEFT_OUT, ValueReader
 
 _HALF_LETTER = re.compile(rb"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
 """One of the two halves by which JSON writes some letters. Senders cut texts between them."""
+_STRING_OR_NOT_FINITE = re.compile(
+    rb"""("[^"\\]*(?:\\.[^"\\]*)*"?)|([:\[,]\s*)[-+]?(?:nan(?:\(\w*\))?|inf(?:inity)?|1\.\#[a-z]+\d*)(?=\s*[,\]}])""",
+    re.IGNORECASE | re.DOTALL,
+)
+"""A string, or what stands before a number that is not finite, as C and PLC code print it."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 Model = TypeVar("Model", bound=msgspec.Struct)
 _JSON_KINDS = {
@@ -53,7 +58,7 @@ def decoded(
     """The message as a model whose keys are all optional. `required` keys are attributes with their spelling.
 
     A message that lacks a key which it should have is read anew, for the key may be there in another spelling. So is
-    the first one of a robot, and each further one if that had such a key. Raises `RejectedError` if it can't be
+    one that `is_first`. Raises `RejectedError` if it can't be
     understood.
     """
     if not is_first:
@@ -112,16 +117,22 @@ def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
     try:
         sent = from_json(raw)
     except ValueError as error:
-        sent = _parsed_texts(raw, error, findings)
+        sent = _parsed_odd(raw, error, findings)
     if not isinstance(sent, dict):
         raise RejectedError("not-object", f"JSON {_JSON_KINDS[type(sent)]}; send one JSON object a message")
     return sent
 
 
-def _parsed_texts(raw: bytes, error: ValueError, findings: Findings) -> Any:
-    """The same of a message in whose texts some bytes are no letters. Raises `RejectedError` if that is not all."""
-    readable = _HALF_LETTER.sub(rb"\\ufffd", raw.decode(errors="replace").encode())
-    if readable == raw:
+def _parsed_odd(raw: bytes, error: ValueError, findings: Findings) -> Any:
+    """The same of a message with numbers that are not finite in the spelling of C, or bytes in texts that are no
+    letters. Raises `RejectedError` if that is not all.
+    """
+    named = _STRING_OR_NOT_FINITE.sub(_with_nan, raw)
+    try:
+        return from_json(named)
+    except ValueError:
+        readable = _HALF_LETTER.sub(rb"\\ufffd", named.decode(errors="replace").encode())
+    if readable == named:
         raise _not_parsed(raw, str(error)) from None
     try:
         sent = from_json(readable)
@@ -129,6 +140,10 @@ def _parsed_texts(raw: bytes, error: ValueError, findings: Findings) -> Any:
         raise _not_parsed(raw, str(error)) from None
     findings["text-not-utf8"] = None
     return sent
+
+
+def _with_nan(match: re.Match[bytes]) -> bytes:
+    return match[1] or match[2] + b"NaN"
 
 
 class _Anything(msgspec.Struct):

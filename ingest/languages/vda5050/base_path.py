@@ -134,7 +134,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         between = last_between(curved, first, node.sequence_id) if edge is None and curved else None
         if between is not None:
             edge = OrderEdge(None, None, None, False, polyline(curves[between]))
-        yield OrderLeg(node.released, place, ordered.stops if ordered else (), edge or NO_EDGE)
+        yield OrderLeg(bool(node.released), place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
 class _Walk:

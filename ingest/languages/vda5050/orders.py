@@ -195,7 +195,7 @@ def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, No
 
 def _node(node: VdaNode) -> OrderNode:
     stops = tuple(action.action_id for action in node.actions or () if action.blocking_type in DRIVING_STOPS)
-    return OrderNode(node.released, on_earth(node.node_position), stops, node.node_id)
+    return OrderNode(bool(node.released), on_earth(node.node_position), stops, node.node_id)
 
 
 def on_earth(place: NodePlace | None) -> NodePlace | None:

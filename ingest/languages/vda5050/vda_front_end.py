@@ -15,13 +15,14 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
+from ingest.languages.heard import REORDERED_S, Heard, message_after
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update
-from ingest.languages.vda5050.vda_memory import NOTHING, Heard, VdaMemory, VdaPose
+from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
     ConnectionMessage,
@@ -118,18 +119,22 @@ def _parsed_topic(topic: str) -> _VdaTopic | None:
 
 def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
     kind = topic.kind
-    message = read_message(kind, raw, findings, is_first=kind not in memory.heard or kind in memory.respelt)
-    if ("key-spelling" in findings) != (kind in memory.respelt):
-        memory = msgspec.structs.replace(memory, respelt=memory.respelt ^ {kind})
+    is_first = kind not in memory.heard or kind in memory.respelt
+    message = read_message(kind, raw, findings, memory.state, is_first=is_first)
+    if "key-spelling" in findings and kind not in memory.respelt:
+        memory = msgspec.structs.replace(memory, respelt=memory.respelt | {kind})
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
-    heard = Heard(message.header_id, time_of(stamp))
     last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
+    heard = message_after(last, raw, time_of(stamp), message.header_id)
     if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
         findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
         return update_of(topic.sender.uuid, findings), memory
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
+    if last and last.has_header_of(heard):
+        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
+        stamp = timestamps.NO_STAMP
     if isinstance(message, VdaMotion):
         return _read_motion(message, topic, stamp, memory, changes, findings)
     memory = msgspec.structs.replace(memory, **changes)
@@ -186,8 +191,7 @@ def _read_motion(
     findings: Findings,
 ) -> tuple[Message, VdaMemory]:
     """What a state or a visualization says. `changes` are those of the memory by any message."""
-    position, last = message.position, memory.pose
-    is_newest = last is None or not (stamp.is_known and last.stamp.is_known) or stamp.t_s >= last.stamp.t_s
+    position = message.position
     if isinstance(message, StateMessage):
         orders, outdated = swapped(memory.orders, memory.outdated, message)
         changes = changes | {"state": message, "orders": orders, "outdated": outdated}
@@ -197,10 +201,22 @@ def _read_motion(
         findings.note("position-missing", key, None, "where it was last seen")
     elif not (abs(position.x) <= MAX_POSITION and abs(position.y) <= MAX_POSITION):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
-    elif is_newest:
+    elif memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
+        findings["stamp-not-increasing"] = None
+    else:
         stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
         pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
+
+
+def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
+    """Whether a pose was overtaken by one of another topic. `last` is the message before of its own topic.
+
+    If it is older than that one, or much older than the newest pose, the robot's clock was set back.
+    """
+    if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
+        return False
+    return 0.0 < newest.t_s - stamp.t_s <= REORDERED_S

@@ -2,6 +2,7 @@
 
 import msgspec
 
+from ingest.languages.heard import Heard
 from ingest.languages.timestamps import Stamp
 from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
@@ -18,20 +19,6 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     planned_path: PlannedPath | None
 
 
-class Heard(msgspec.Struct, frozen=True, gc=False):
-    """The header of the newest message of one topic."""
-
-    header_id: int | None
-    stamp_s: float
-
-    def is_repeated_by(self, later: "Heard") -> bool:
-        return later.header_id == self.header_id and later.stamp_s == self.stamp_s
-
-    def is_newer_than(self, later: "Heard") -> bool:
-        """Whether a message that came later is older. A sender whose clock was set back still counts its messages."""
-        return later.stamp_s < self.stamp_s and (later.header_id or 0) <= (self.header_id or 0)
-
-
 class Abilities(msgspec.Struct, frozen=True, gc=False):
     """What a robot's factsheet says of how it drives. None if it does not say it."""
 
@@ -46,7 +33,7 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     heard: dict[str, Heard] = {}
     """By kind of message."""
     respelt: frozenset[str] = frozenset()
-    """Kinds of messages whose last one had keys in another spelling."""
+    """Kinds of messages of which any had keys in another spelling."""
     state: StateMessage | None = None
     pose: VdaPose | None = None
     orders: tuple[Order, ...] = ()

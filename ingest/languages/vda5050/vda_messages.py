@@ -92,7 +92,7 @@ class Trajectory(VdaObject, frozen=True):
 class NodeState(VdaObject, frozen=True):
     sequence_id: int
     node_id: str = ""
-    released: bool = False
+    released: bool | None = None
     node_position: NodePlace | None = None
 
 
@@ -208,7 +208,7 @@ class VdaAction(VdaObject, frozen=True):
 class VdaNode(VdaObject, frozen=True):
     sequence_id: int
     node_id: str = ""
-    released: bool = False
+    released: bool | None = None
     node_position: NodePlace | None = None
     actions: list[VdaAction] | None = None
 

@@ -9,7 +9,7 @@ from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required
-from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, VdaMotion
+from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, StateMessage
 
 _READABLE = ("2.", "3.")
 """Versions begin with one of these, or are the whole number."""
@@ -38,12 +38,16 @@ NAMES = KnownNames(
 """Keys of which a likeness is noticed, and words that senders use beside those of the enumerations."""
 
 
-def read_message(kind: str, raw: bytes, findings: Findings, *, is_first: bool) -> Header:
+def read_message(kind: str, raw: bytes, findings: Findings, before: StateMessage | None, *, is_first: bool) -> Header:
     """The message of a topic that ends in `kind`. Raises `RejectedError` if it can't be understood.
 
-    `is_first` if it is the robot's first of this kind, or if the last one had keys in another spelling.
+    `is_first` if it is the robot's first of this kind, or if any before had keys in another spelling. `before` is the
+    newest state: the first loads after it are looked at closely, as no key of a load is required.
     """
-    message = decoded(KINDS[kind], raw, findings, _LACKS_KEY[kind], _REQUIRED[kind], NAMES, is_first=is_first)
+    lacks_key = _LACKS_KEY[kind]
+    if kind == "state" and before and not before.loads:
+        lacks_key = partial(_has_loads_or, lacks_key)
+    message = decoded(KINDS[kind], raw, findings, lacks_key, _REQUIRED[kind], NAMES, is_first=is_first)
     version = message.version
     if version and not version.startswith(_READABLE) and version not in {"2", "3"}:
         findings.note("version-unknown", "version", version, "2.x or 3.x")
@@ -56,8 +60,33 @@ def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:
     return position is None or position.map_id is None or position.theta is None or lacks_required(required, message)
 
 
-_LACKS_KEY = {
-    kind: partial(_lacks_key_of_motion if issubclass(KINDS[kind], VdaMotion) else lacks_required, attrgetter(*keys))
-    for kind, keys in REQUIRED.items()
+def _lacks_key_of_state(required: Callable[[Any], Any], message: Any) -> bool:
+    """The same of a state, and of the items of its lists."""
+    return (
+        _lacks_key_of_motion(required, message)
+        or _lacks_key_of_node(message.node_states)
+        or None in map(_ACTION_STATUS, message.action_states or ())
+        or None in map(_ERROR_LEVEL, message.errors or ())
+    )
+
+
+def _lacks_key_of_order(required: Callable[[Any], Any], message: Any) -> bool:
+    return lacks_required(required, message) or _lacks_key_of_node(message.nodes)
+
+
+def _lacks_key_of_node(nodes: list[Any] | None) -> bool:
+    """Whether the first node lacks a key that all must have. The others are spelt as it is."""
+    first = nodes[0] if nodes else None
+    return first is not None and (not first.node_id or first.released is None)
+
+
+def _has_loads_or(lacks_key: Callable[[Any], bool], message: StateMessage) -> bool:
+    return bool(message.loads) or lacks_key(message)
+
+
+_ACTION_STATUS, _ERROR_LEVEL = attrgetter("action_status"), attrgetter("error_level")
+_LACKS = {"order": _lacks_key_of_order, "state": _lacks_key_of_state, "visualization": _lacks_key_of_motion}
+_LACKS_KEY: dict[str, Callable[[Any], bool]] = {
+    kind: partial(_LACKS.get(kind, lacks_required), attrgetter(*keys)) for kind, keys in REQUIRED.items()
 }
 """By kind, whether a message is to be read anew, since a key may be there in another spelling."""

@@ -199,3 +199,25 @@ def test_an_outline_in_the_factsheet_is_the_shape_of_the_forecast_also_with_a_lo
     assert robot.forecast.shape is not None
     assert len(robot.forecast.shape.parts) == 2
     assert robot.forecast.length_m == pytest.approx(2.3)
+
+
+def test_a_robot_is_placed_after_one_stamp_too_far_ahead() -> None:
+    of = floor_of()
+    tell(of, "state", state(NOW_S + 3600.0, headerId=1), NOW_S)
+    for step in range(1, 6):
+        tell(of, "state", state(NOW_S + step, float(step), headerId=1 + step, driving=True), NOW_S + step)
+    (robot,) = of.robots.values()
+    assert robot.seen is not None
+    assert (robot.seen.x_m, robot.seen.t_s) == (5.0, NOW_S + 5)
+
+
+@pytest.mark.parametrize("counts", [0, 1])
+def test_a_robot_whose_clock_stands_is_placed_as_of_arrival(counts: int) -> None:
+    of = floor_of()
+    for step in range(30):
+        raw = state(NOW_S, step / 10, driving=True, headerId=counts * step, timestamp="1970-01-01T00:00:00.000Z")
+        tell(of, "state", raw, NOW_S + step)
+    (robot,) = of.robots.values()
+    assert robot.seen is not None
+    assert (robot.seen.x_m, robot.seen.t_s) == (2.9, NOW_S + 29)
+    assert robot.deviations["stamp-unchanged"] == (9 if counts else 29)

@@ -1,4 +1,4 @@
-from math import isnan, pi
+from math import inf, isnan, pi
 
 import pytest
 
@@ -113,7 +113,20 @@ def test_older_messages_and_repeated_ones_change_nothing() -> None:
     listener = IsoListener()
     listener.hears("odometry", odometry(T, 5.0))
     before = listener.memory
-    assert listener.hears("odometry", odometry(T, 4.0)).findings == ("message-repeated",)
+    assert listener.hears("odometry", odometry(T, 5.0)).findings == ("message-repeated",)
     assert listener.hears("odometry", odometry(T - 1, 4.0)).findings == ("message-reordered",)
     assert listener.memory is before
-    assert listener.status_after(("odometry", odometry(T - 3600, 6.0))).x == 6.0, "its clock was set back"
+
+
+@pytest.mark.parametrize("back_s", [5.0, 3600.0])
+def test_a_robot_whose_clock_was_set_back_is_placed(back_s: float) -> None:
+    assert IsoListener().status_after(HERE, ("odometry", odometry(T - back_s, 6.0))).x == 6.0
+
+
+def test_another_odometry_at_the_same_time_counts_from_its_arrival() -> None:
+    listener = IsoListener()
+    listener.hears("odometry", odometry(T, 5.0))
+    raw = odometry(T, 6.0)
+    moved = listener.status_after(("odometry", raw))
+    assert (moved.x, moved.stamp_resolution_s, moved.findings) == (6.0, inf, ("stamp-unchanged",))
+    assert listener.hears("odometry", raw).findings == ("message-repeated",)

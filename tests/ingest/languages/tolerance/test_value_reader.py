@@ -6,10 +6,13 @@ from typing import Any, Literal
 import msgspec
 import pytest
 
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.model import Rejection, Status
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import nearest
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
+from tests.helpers import iso_saying, saying, vda_saying
 
 
 class Part(msgspec.Struct, rename="camel"):
@@ -137,3 +140,38 @@ def test_of_a_long_value_the_first_letters_are_named() -> None:
     _, findings = read(length=long, count=[long, long], isNew="y" * 10_000)
     assert [len(oddity.value) for oddity in findings.oddities] == [60, 60, 60]
     assert findings.oddities[0].value.startswith('{"a": [{"b": "xxx')
+
+
+T = 1_790_000_000.0
+WITH_NUMBER: tuple[tuple[str, str, bytes], ...] = (
+    ("massrobotics", "", saying.status("A-1", T, 1.0, 2.0, batteryPercentage=-77, errorCodes=["é:nan,", '"'])),
+    ("vda5050", vda_saying.topic("state"), vda_saying.state(T, 1.0, 2.0, velocity={"vx": -77}, zoneSetId="[nan]\\")),
+    ("iso21423", iso_saying.topic("odometry"), iso_saying.odometry(T, 1.0, 2.0, 0.0, -77)),
+)
+NOT_FINITE = ("nan", "-nan", "NAN", "inf", "-inf", "+Inf", "infinity", "-nan(ind)", "-1.#IND", "1.#INF", "1.#INF00")
+
+
+@pytest.mark.parametrize(("language", "topic", "raw"), WITH_NUMBER)
+@pytest.mark.parametrize("word", NOT_FINITE)
+def test_a_number_that_is_not_finite_costs_itself_as_c_prints_it_too(
+    language: str, topic: str, raw: bytes, word: str
+) -> None:
+    front_end = FRONT_ENDS[language]
+    printed = raw.replace(b"-77", word.encode() + b" ")
+    assert printed != raw
+    status, _ = front_end.read(printed, topic, None, None)
+    usual, _ = front_end.read(raw.replace(b"-77", b"NaN"), topic, None, None)
+    assert isinstance(status, Status)
+    assert (status.x, status.y) == (1.0, 2.0)
+    assert "value-unreadable" in status.findings
+    assert status.oddities == usual.oddities
+    assert isinstance(usual, Status)
+    assert status.error_codes == usual.error_codes
+    assert front_end.document(printed) == front_end.document(raw.replace(b"-77", b"NaN"))
+
+
+@pytest.mark.parametrize("broken", [b'{"a": nano}', b'{"a": nan', b"{nan: 1}", b'{"a": "' + b'\\"' * 50_000])
+def test_other_bare_words_are_no_json(broken: bytes) -> None:
+    message, _ = FRONT_ENDS["vda5050"].read(broken, vda_saying.topic("state"), None, None)
+    assert isinstance(message, Rejection)
+    assert message.rule == "not-json"

@@ -1,7 +1,13 @@
+from math import isinf
+from typing import Any
+
+import pytest
+
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import Rejection, Status, Update
+from ingest.languages.tolerance import tolerant_json
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
-from tests.helpers.vda_saying import position, state, topic, vda, visualization
+from tests.helpers.vda_saying import node, order, position, state, topic, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 
@@ -43,14 +49,41 @@ def test_an_older_message_that_comes_later_changes_nothing() -> None:
 def test_a_robot_whose_clock_was_set_back_is_heard() -> None:
     listener = Listener()
     listener.hears("state", state(T, 1.0, headerId=7))
-    assert isinstance(listener.hears("visualization", visualization(T - 3600, 2.0, 0.0)), Update)
-    assert not listener.hears("state", state(T - 3600, 3.0, headerId=8)).findings
+    assert listener.status_after(("visualization", visualization(T - 3600, 2.0, 0.0))).x == 2.0
+    placed = listener.hears("state", state(T - 3600, 3.0, headerId=8))
+    assert isinstance(placed, Status)
+    assert (placed.x, placed.stamp_s, placed.findings) == (3.0, T - 3600, ())
+
+
+@pytest.mark.parametrize("back_s", [1.0, 3600.0, 3e8])
+def test_a_robot_whose_clock_was_set_back_is_placed_by_each_message(back_s: float) -> None:
+    listener = Listener()
+    listener.hears("visualization", visualization(T, 1.0, 0.0, headerId=70))
+    listener.hears("state", state(T, 1.0, headerId=7))
+    for step in range(1, 4):
+        t_s = T - back_s + step / 10
+        moved = listener.hears("state", state(t_s, 1.0 + step, headerId=7 + step))
+        assert isinstance(moved, Status)
+        assert (moved.x, moved.findings) == (1.0 + step, ())
+        moved = listener.hears("visualization", visualization(t_s, 1.5 + step, 0.0, headerId=70 + step))
+        assert isinstance(moved, Status)
+
+
+@pytest.mark.parametrize("number", [None, 0])
+def test_a_robot_that_does_not_count_its_messages_is_heard_after_a_stamp_too_far_ahead(number: int | None) -> None:
+    listener = Listener()
+    listener.hears("state", state(T + 3600, 1.0, headerId=number))
+    placed = listener.hears("state", state(T, 3.0, headerId=number))
+    assert isinstance(placed, Status)
+    assert placed.x == 3.0
 
 
 def test_a_state_older_than_a_visualization_has_no_newer_pose_but_all_else() -> None:
     listener = Listener()
     listener.hears("visualization", visualization(T + 1, 5.0, 0.0))
-    assert isinstance(listener.hears("state", state(T, 4.0, paused=True)), Update)
+    late = listener.hears("state", state(T, 4.0, paused=True))
+    assert isinstance(late, Update)
+    assert late.findings == ("stamp-not-increasing",)
     status = listener.front_end.status(b"", listener.memory, None)
     assert status is not None
     assert (status.x, status.state) == (5.0, "waitingExternalEvent")
@@ -80,3 +113,64 @@ def test_kinds_without_a_meaning_here_are_accepted() -> None:
     for kind in ("zoneSet", "responses"):
         assert isinstance(listener.hears(kind, vda(T)), Update)
     assert isinstance(listener.hears("state", state(T + 1, agvPosition=position(2.0))), Status)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [{"headerId": 0, "timestamp": "1970-01-01T00:00:00.000Z"}, {"headerId": None, "timestamp": "2026-09-21T14:13:20Z"}],
+)
+def test_a_header_that_is_not_filled_in_hides_no_message(header: dict[str, Any]) -> None:
+    listener = Listener()
+    listener.hears("order", order(T, [node(0, 0.0), node(1, 4.0)], **header))
+    listener.hears("order", order(T, [node(0, 0.0), node(1, 4.0), node(2, 9.0)], orderUpdateId=1, **header))
+    assert listener.memory is not None
+    assert listener.memory.orders[-1].update_id == 1
+    for x in (1.0, 2.0, 3.0):
+        raw = state(T, x, **header)
+        moved = listener.status_after(("state", raw))
+        assert (moved.x, "stamp-unchanged" in moved.findings) == (x, x > 1.0)
+        assert isinf(moved.stamp_resolution_s) == (x > 1.0)
+        assert "message-repeated" in listener.hears("state", raw).findings
+
+
+EMPTY: dict[str, Any] = {"loads": [], "nodeStates": [], "actionStates": [], "errors": []}
+FATAL = {"errorType": "motor", "errorLevel": "FATAL"}
+NODE = {"nodeId": "n2", "sequenceId": 2, "released": True}
+SIZE = {"length": 1.2, "width": 0.8, "height": 0.2}
+CENTRE = {"x": 0.0, "y": 0.0, "z": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("key", "usual", "odd"),
+    [
+        ("errors", FATAL, {"errorType": "motor", "errorlevel": "FATAL"}),
+        ("nodeStates", NODE, {"nodeID": "n2", "sequenceId": 2, "Released": True}),
+        ("nodeStates", NODE, {"nodeId": "n2", "sequenceId": 2, "Released": True}),
+        ("actionStates", {"actionStatus": "RUNNING"}, {"action_status": "RUNNING"}),
+        (
+            "loads",
+            {"loadDimensions": SIZE, "boundingBoxReference": CENTRE},
+            {"load_dimensions": SIZE, "boundingBoxReference": CENTRE},
+        ),
+    ],
+)
+def test_a_key_of_an_item_in_another_spelling_is_read_after_an_empty_list(
+    key: str, usual: dict[str, Any], odd: dict[str, Any]
+) -> None:
+    empty = ("state", state(T, **EMPTY))
+    expected = Listener().status_after(empty, ("state", state(T + 1, **EMPTY | {key: [usual]})))
+    listener = Listener()
+    read = listener.status_after(empty, ("state", state(T + 1, **EMPTY | {key: [odd]})))
+    assert set(read.findings) == {*expected.findings, "key-spelling"}
+    assert (read.state, read.is_blocked, read.loads) == (expected.state, expected.is_blocked, expected.loads)
+    listener.hears("state", state(T + 2, **EMPTY))
+    mixed = state(T + 3, **EMPTY | {key: [usual]}, Velocity={"vx": 0.5})
+    assert listener.status_after(("state", mixed)).linear_mps == 0.5
+
+
+def test_a_usual_message_is_not_read_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    listener = Listener()
+    items: dict[str, Any] = {"loads": [{"loadId": "7"}], "nodeStates": [NODE], "actionStates": [], "errors": [FATAL]}
+    listener.hears("state", state(T, **items))
+    monkeypatch.setattr(tolerant_json, "_repaired", None)
+    assert isinstance(listener.hears("state", state(T + 1, 1.0, **items)), Status)
