@@ -14,7 +14,6 @@ from msgspec.structs import replace
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.heard import message_after
 from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
@@ -46,6 +45,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
+from ingest.languages.tolerance.heard import message_after
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_required, stamp_of, time_of
 
 PREFIXES = ("/ISO_21423/v1",)

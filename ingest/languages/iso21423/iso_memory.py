@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import msgspec
 
-from ingest.languages.heard import Heard
 from ingest.languages.iso21423.iso_messages import IdentityMessage, OdometryPose, Speeds
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.outlines import Outline
 from ingest.languages.timestamps import Stamp
+from ingest.languages.tolerance.heard import Heard
 
 
 class IsoPose(NamedTuple):

@@ -15,9 +15,9 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
-from ingest.languages.heard import REORDERED_S, Heard, message_after
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
+from ingest.languages.tolerance.heard import REORDERED_S, Heard, message_after
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way

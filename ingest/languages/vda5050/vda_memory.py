@@ -2,8 +2,8 @@
 
 import msgspec
 
-from ingest.languages.heard import Heard
 from ingest.languages.timestamps import Stamp
+from ingest.languages.tolerance.heard import Heard
 from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d

@@ -2,6 +2,7 @@
 
 from math import atan2, hypot, inf, nan, pi, remainder
 from operator import lt
+from typing import NamedTuple
 
 from ingest.batch import Amounts, Basis
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
@@ -41,14 +42,21 @@ STANDING_REPORTS_S = 35.0
 NO_STATE = StateMessage()
 
 
+class _Motion(NamedTuple):
+    """The velocity as `Status` has it."""
+
+    linear_mps: float | None = None
+    sideways_rad: float = 0.0
+    turn_radps: float | None = None
+
+
 def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None:
     """The status. None before the robot has sent a pose."""
     pose, state = memory.pose, memory.state or NO_STATE
     if pose is None:
         return None
     position, stamp = pose.position, pose.stamp
-    operational = _operational_state(memory, state, pose)
-    linear_mps, sideways_rad, turn_radps = _motion(pose.velocity, findings)
+    operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
     path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
     if path is NO_PATH:
@@ -65,8 +73,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         0.0,
         _yaw_rad(position, findings),
         datum_of(position, findings),
-        linear_mps,
-        turn_radps,
+        motion.linear_mps,
+        motion.turn_radps,
         _amounts(state, findings),
         bounded_codes([error.error_type for error in state.errors or () if error.error_type.strip()]),
         planned if driven.destinations is NO_PATH else driven.destinations,
@@ -80,7 +88,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
         oddities=tuple(findings.oddities),
         heading_sent=beyond_turn(position.theta),
-        sideways_rad=sideways_rad,
+        sideways_rad=motion.sideways_rad,
     )
 
 
@@ -97,18 +105,17 @@ def _yaw_rad(position: Position, findings: Findings) -> float:
     return remainder(position.theta, 2 * pi)
 
 
-def _motion(velocity: Velocity2d | None, findings: Findings) -> tuple[float | None, float, float | None]:
-    """Speed, the angle from the heading to its direction, and turn rate. Speed and turn rate are None if not sent."""
+def _motion(velocity: Velocity2d | None, findings: Findings) -> _Motion:
     if velocity is None:
-        return None, 0.0, None
+        return _Motion()
     across_mps = velocity.vy or 0.0
     speed_mps = hypot(velocity.vx or 0.0, across_mps)
     if not speed_mps <= MAX_SPEED_MPS:
         findings["speed-absurd"] = None
-        return None, 0.0, velocity.omega
+        return _Motion(turn_radps=velocity.omega)
     if abs(across_mps) <= DRIVES_MPS:
-        return velocity.vx, 0.0, velocity.omega
-    return speed_mps, atan2(across_mps, velocity.vx or 0.0), velocity.omega
+        return _Motion(velocity.vx, 0.0, velocity.omega)
+    return _Motion(speed_mps, atan2(across_mps, velocity.vx or 0.0), velocity.omega)
 
 
 def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) -> str:

@@ -152,12 +152,12 @@ NOT_FINITE = ("nan", "-nan", "NAN", "inf", "-inf", "+Inf", "infinity", "-nan(ind
 
 
 @pytest.mark.parametrize(("language", "topic", "raw"), WITH_NUMBER)
-@pytest.mark.parametrize("word", NOT_FINITE)
+@pytest.mark.parametrize("number", NOT_FINITE)
 def test_a_number_that_is_not_finite_costs_itself_as_c_prints_it_too(
-    language: str, topic: str, raw: bytes, word: str
+    language: str, topic: str, raw: bytes, number: str
 ) -> None:
     front_end = FRONT_ENDS[language]
-    printed = raw.replace(b"-77", word.encode() + b" ")
+    printed = raw.replace(b"-77", number.encode() + b" ")
     assert printed != raw
     status, _ = front_end.read(printed, topic, None, None)
     usual, _ = front_end.read(raw.replace(b"-77", b"NaN"), topic, None, None)
