@@ -148,11 +148,11 @@ def meetings(robots: RobotTable, ways: Ways) -> list[tuple[tuple[int, int], tupl
     point of each one's way where it would be in the other's."""
     outer = around(ways.boxes) if len(ways.slots) else np.empty((0, 4))
     row, other = touching_boxes(outer, outer).T
-    chosen = (row < other) & can_meet(robots, ways.slots[row], ways.slots[other])
+    chosen = (row != other) & can_meet(robots, ways.slots[row], ways.slots[other])
     row, other = row[chosen], other[chosen]
     middle_m = (outer[:, :2] + outer[:, 2:]) / 2
-    near = np.sort(nearest_of_each(row, np.hypot(*(middle_m[row] - middle_m[other]).T), MOST_MET))
-    row, other = row[near], other[near]
+    near = nearest_of_each(row, np.hypot(*(middle_m[row] - middle_m[other]).T), MOST_MET)
+    row, other = np.unique(np.sort(np.stack([row[near], other[near]]), axis=0), axis=1)
     mine = Boxes._make(column[row][:, :, None] for column in ways.boxes)
     theirs = Boxes._make(column[other][:, None, :] for column in ways.boxes)
     meet = touch(mine, theirs)

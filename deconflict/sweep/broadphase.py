@@ -291,10 +291,13 @@ def _pairs_one_by_one(
     for slot in changed:
         others, crowded = 0, 0
         for other in range(len(reaches)):
-            if not _near(reaches[slot], reaches[other]) or other == slot or (other < slot and is_changed[other]):
+            if other == slot or not _near(reaches[slot], reaches[other]):
                 continue
             mixed = is_crowded[other] or is_crowded[slot]
             if mixed and ((is_crowded[slot] and is_crowded[other]) or crowded == MOST_CROWDED):
+                continue
+            asks_itself = is_crowded[slot] if mixed else other < slot
+            if is_changed[other] and asks_itself:
                 continue
             if not mixed and others == most_found:
                 is_cut[slot] = True

@@ -285,7 +285,7 @@ class Fleet:
         for robot in self.robots.values():
             self.placement.judge_size(robot)
         for robot in self.robots.values():
-            robot.context = robot.before = None
+            robot.context = robot.before = robot.between = None
             self._forecast_again(robot, self.owners.named_vendor(robot))
 
     def _forecast_again(self, robot: Robot, names_as_uuid: str | None) -> None:

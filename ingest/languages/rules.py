@@ -130,7 +130,11 @@ def stamp_rules(clause: str) -> tuple[Rule, ...]:
 def late_rules(clause: str) -> tuple[Rule, ...]:
     """The rules of messages that are late, in languages of brokers."""
     return (
-        in_context("message-reordered", "An older message came after a newer one of the same topic; not used.", clause),
+        in_context(
+            "message-reordered",
+            "An older message came after a newer one of the same topic; not used, unless the clock was set back.",
+            clause,
+        ),
         in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", clause),
         in_context(
             "stamp-unchanged",

@@ -9,7 +9,7 @@ from math import atan2, degrees, hypot, isnan, pi, radians
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Sighting
-from ingest.fleet.prediction.plausibility import COMPARABLE_S, MOVED_M
+from ingest.fleet.prediction.plausibility import COMPARABLE_S, CORNER_RAD, MOVED_M
 from ingest.frames.angles import turn_between
 from ingest.frames.frame_registry import Frame
 from ingest.languages.front_ends import MASSROBOTICS
@@ -18,8 +18,6 @@ from ingest.languages.rules import AXES_CONTRADICT_MOTION, HEADING_IN_DEGREES, O
 
 FITS_RAD, APART_RAD = radians(10.0), radians(25.0)
 """A reading fits a move that is off by at most the first. Headings farther apart than the second are two."""
-CORNER_RAD = radians(20.0)
-"""A robot that has turned by more between two reports may have done so before or after it moved."""
 LEAST_MOVES = 6
 """Moves that a reading has to fit, without one between them that it does not fit."""
 DEGREES, SWAPPED, REVERSED = "degrees", "swapped", "reversed"

@@ -3,7 +3,7 @@
 Sources: the readings of A1, A6 to A8, A13 and A16 in practice, and clause 5.4 of the standard.
 """
 
-from math import atan2, copysign, cos, hypot, isnan, pi, sin
+from math import atan2, copysign, cos, hypot, isnan, pi, radians, sin
 
 from msgspec.structs import replace
 
@@ -24,6 +24,8 @@ OBSERVABLE_S = 35.0
 """Sightings further apart than this show nothing of the motion between them. Conforming robots may report so seldom."""
 REGULAR_S = 2.0
 """Reports further apart than this are rare."""
+CORNER_RAD = radians(20.0)
+"""A robot that has turned by more between two reports may have done so before or after it moved."""
 MAX_TURN_RADPS = 2.0
 """No robot turns faster."""
 SLOW_TURN_RAD = 0.5
@@ -97,8 +99,9 @@ def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
         now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
     if now.linear_mps is not None:
         return now
-    if moved_m > MOVED_M and gap_s <= COMPARABLE_S and _is_across(turn_between(now.yaw_rad, atan2(dy, dx))):
-        sideways_rad = turn_between(now.yaw_rad, atan2(dy, dx))
+    sideways_rad = turn_between(now.yaw_rad, atan2(dy, dx))
+    has_turned = not abs(turn_between(before.yaw_rad, now.yaw_rad)) <= CORNER_RAD  # before or after it moved
+    if moved_m > MOVED_M and gap_s <= COMPARABLE_S and _is_across(sideways_rad) and not has_turned:
         return replace(now, linear_mps=moved_m / gap_s, sideways_rad=sideways_rad)
     along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
     if gap_s > COMPARABLE_S:

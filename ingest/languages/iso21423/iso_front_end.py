@@ -137,9 +137,13 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     stamp = stamp_of(message.timestamp, findings)
     last = memory.heard.get(resource) if stamp.is_known else None
     heard = message_after(last, raw, time_of(stamp))
-    if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
-        findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
+    if last and last.is_repeated_by(heard):
+        findings["message-repeated"] = None
         return update_of(topic.sender.uuid, findings), memory
+    if last and last.is_newer_than(heard):
+        findings["message-reordered"] = None
+        kept = memory.heard | {resource: last.after_older(heard)}
+        return update_of(topic.sender.uuid, findings), replace(memory, heard=kept)
     if stamp.is_known:
         memory = replace(memory, heard=memory.heard | {resource: heard})
     if last and last.has_header_of(heard):

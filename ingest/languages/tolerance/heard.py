@@ -1,9 +1,11 @@
 """The newest message of one topic of a robot, by which a later one is known to be repeated or late."""
 
+from math import nan
+
 import msgspec
 
-REORDERED_S = 3.0
-"""A message that is older than another by more comes from a clock that was set back."""
+STEPPED_BACK = 3
+"""After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
 MOST_SAME_STAMPS = 20
 """As many messages may have the same stamp, if their numbers rise: those of two seconds, with stamps of whole ones."""
 
@@ -16,19 +18,30 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     header_id: int | None = None
     same_stamps: int = 0
     """Messages just before it that have its stamp."""
+    older: int = 0
+    """Older messages that have come since, in a row of rising stamps."""
+    older_s: float = nan
+    """The stamp of the last one."""
 
     def is_repeated_by(self, later: "Heard") -> bool:
-        return later.content_hash == self.content_hash
+        """Whether a later one is the same, or the same written anew."""
+        has_header = self.header_id and (later.header_id, later.stamp_s) == (self.header_id, self.stamp_s)
+        return bool(has_header) or later.content_hash == self.content_hash
 
     def is_newer_than(self, later: "Heard") -> bool:
         """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
 
-        If it counts nothing, only a message that is older by little is late.
+        If it counts nothing, `STEPPED_BACK` older messages in a row show it.
         """
         number, later_number = self.header_id or 0, later.header_id or 0
-        if later_number == number:
-            return 0.0 < self.stamp_s - later.stamp_s <= REORDERED_S
-        return later.stamp_s < self.stamp_s and later_number < number
+        if later.stamp_s >= self.stamp_s or later_number > number:
+            return False
+        return later_number < number or self.after_older(later).older < STEPPED_BACK
+
+    def after_older(self, later: "Heard") -> "Heard":
+        """What is kept of this message after an older one has come."""
+        older = self.older + 1 if later.stamp_s > self.older_s else 1
+        return msgspec.structs.replace(self, older=older, older_s=later.stamp_s)
 
     def has_header_of(self, later: "Heard") -> bool:
         """Whether the header does not tell when a later one was sent: it is not filled in, or the clock stands."""

@@ -17,7 +17,7 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.heard import REORDERED_S, Heard, message_after
+from ingest.languages.tolerance.heard import Heard, message_after
 from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
@@ -40,6 +40,8 @@ ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
 PREFIXES = ("uagv/v2", "vda5050/v3")
 """What stands before the manufacturer in topics of 2.x and 3.0, as the standard suggests."""
+OVERTAKEN_S = 60.0
+"""A pose that is older than the newest one by more comes from a clock that was set back."""
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("state", "visualization"))
 _BROKEN = frozenset(("CONNECTIONBROKEN", "CONNECTION_BROKEN"))
@@ -128,9 +130,13 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
     heard = message_after(last, raw, time_of(stamp), message.header_id)
-    if last and (last.is_repeated_by(heard) or last.is_newer_than(heard)):
-        findings["message-repeated" if last.is_repeated_by(heard) else "message-reordered"] = None
+    if last and last.is_repeated_by(heard):
+        findings["message-repeated"] = None
         return update_of(topic.sender.uuid, findings), memory
+    if last and last.is_newer_than(heard):
+        findings["message-reordered"] = None
+        kept = memory.heard | {kind: last.after_older(heard)}
+        return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, heard=kept)
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
     if last and last.has_header_of(heard):
         findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
@@ -219,4 +225,4 @@ def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | No
     """
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
         return False
-    return 0.0 < newest.t_s - stamp.t_s <= REORDERED_S
+    return 0.0 < newest.t_s - stamp.t_s <= OVERTAKEN_S

@@ -501,3 +501,15 @@ def test_a_velocity_in_the_frame_of_the_map_counts_as_the_robot_moves() -> None:
     (robot,) = of.robots.values()
     assert "heading-contradicts-motion" in robot.deviations
     assert at(robot.forecast, NOW_S + 7) == pytest.approx((0.0, 5.6, pi / 2), abs=0.2)
+
+
+def test_a_robot_that_turned_a_corner_between_two_reports_does_not_drive_sideways() -> None:
+    of = hall()
+    for s, place in ((0, position(0.0, 0.0, 0.0)), (2, position(1.0, 0.3, pi / 2))):
+        of.receive(vda(NOW_S + s, driving=True, agvPosition=place), NOW_S + s, line("state"))
+    (robot,) = of.robots.values()
+    assert robot.seen
+    assert robot.seen.sideways_rad == 0.0
+    x, y, _ = at(robot.forecast, NOW_S + 7)
+    assert x == pytest.approx(1.0)
+    assert y > 0.3

@@ -6,6 +6,7 @@ import pytest
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import Rejection, Status, Update
 from ingest.languages.tolerance import tolerant_json
+from ingest.languages.tolerance.heard import STEPPED_BACK
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
 from tests.helpers.vda_saying import node, order, position, state, topic, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
@@ -73,9 +74,16 @@ def test_a_robot_whose_clock_was_set_back_is_placed_by_each_message(back_s: floa
 def test_a_robot_that_does_not_count_its_messages_is_heard_after_a_stamp_too_far_ahead(number: int | None) -> None:
     listener = Listener()
     listener.hears("state", state(T + 3600, 1.0, headerId=number))
-    placed = listener.hears("state", state(T, 3.0, headerId=number))
-    assert isinstance(placed, Status)
-    assert placed.x == 3.0
+    placed = [listener.hears("state", state(T + s, 3.0 + s, headerId=number)) for s in range(STEPPED_BACK)]
+    assert [isinstance(message, Status) for message in placed] == [False] * (STEPPED_BACK - 1) + [True]
+    assert listener.status_after(("state", state(T + 9, 9.0, headerId=number))).x == 9.0
+
+
+def test_the_same_message_written_anew_is_repeated() -> None:
+    listener = Listener()
+    raw = state(T, 1.0, headerId=7)
+    listener.hears("state", raw)
+    assert listener.hears("state", raw.replace(b": ", b":")).findings == ("message-repeated",)
 
 
 def test_a_state_older_than_a_visualization_has_no_newer_pose_but_all_else() -> None:
