@@ -62,21 +62,33 @@ class Crowds:
         self._numbers: dict[str, int] = {}
         self.numbers: Mapping[str, int] = self._numbers
         """By crowded robot, the number of its label."""
+        self._crowded_s: dict[str, float] = {}
+        """By crowded robot, when it was last found in its crowd."""
 
     def step(self, now_s: float) -> dict[str, bool]:
         """The robots that have come to a crowd (True) or left one since the last step."""
+        self._keep_those_begun_anew()
         live, (slots, kind) = self._live, self._overlapping(now_s)
         for heap in _heaps(live, slots) if len(slots) >= FEWEST else ():
             if len(heap) >= FEWEST:
                 live.crowd[heap], live.crowded_s[heap] = self._heap_labels(heap, kind[heap]), now_s
         live.crowd[now_s - live.crowded_s > HELD_S] = 0
         crowded = np.flatnonzero(live.crowd)
-        numbers = dict(zip(map(live.uuids.__getitem__, crowded.tolist()), live.crowd[crowded].tolist(), strict=True))
+        uuids = [live.uuids[slot] for slot in crowded.tolist()]
+        numbers = dict(zip(uuids, live.crowd[crowded].tolist(), strict=True))
+        self._crowded_s = dict(zip(uuids, live.crowded_s[crowded].tolist(), strict=True))
         changed = numbers.keys() ^ self._numbers.keys()
         if numbers != self._numbers:
             self._numbers.clear()
             self._numbers.update(numbers)
         return {uuid: uuid in numbers for uuid in changed}
+
+    def _keep_those_begun_anew(self) -> None:
+        """A robot that has begun anew since the last step, as one that was moved by hand, is still in its crowd."""
+        live, crowd = self._live, self._live.crowd.tolist()
+        for uuid, number in self._numbers.items():
+            if (robot := live.robots.get(uuid)) and not crowd[robot.slot]:
+                live.crowd[robot.slot], live.crowded_s[robot.slot] = number, self._crowded_s[uuid]
 
     def _overlapping(self, now_s: float) -> tuple[Ints, Ints]:
         """The slots of overlapping robots, and (slots,) with whom each overlaps, see `OF_VENDOR`.
