@@ -143,17 +143,17 @@ class Robot:
         self.pace.begin_anew()
 
     def compared_with(self, t_s: float) -> Sighting | None:
-        """The sighting before with which one at `t_s` is compared: the newest one, or one that is at least `SPACED_S`
-        old if the newest is not. In less time a robot moves by no more than the noise of positions."""
+        """The earlier sighting with which a new one of `t_s` is compared: the newest if it is at least `SPACED_S` old,
+        else one that is. In less time a robot moves by no more than the noise of positions."""
         newest, between = self.seen, self.between
         if newest is None or t_s - newest.t_s >= SPACED_S:
             self.between = None
             return newest
-        if between is None or t_s - between.t_s >= SPACED_S:
+        if between and t_s - between.t_s >= SPACED_S:
             self.between = newest
-        if between is None or self.between is between:
-            return self.before or newest
-        return between
+            return between
+        self.between = between or newest
+        return self.before or newest
 
     def count(self, findings: Iterable[str]) -> list[str]:
         """Count the deviations that its language knows. Returns these."""

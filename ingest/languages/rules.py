@@ -138,7 +138,7 @@ def late_rules(clause: str) -> tuple[Rule, ...]:
         in_context("stamp-not-increasing", "The pose is older than the newest one; it is not used.", clause),
         in_context(
             "stamp-unchanged",
-            "Another message came with the time of the last one, as if the clock stood; as of its arrival.",
+            "Another message came with the time of the last one, as if the clock stood; it counts from its arrival.",
             clause,
         ),
         in_context("stamp-stale", "The message took 2 s longer than the robot's quickest one.", clause),
