@@ -6,10 +6,11 @@ very fast, converging, jumping and more, of one or many makers and addresses. Th
 get the messages of each floor in simulated time, once of the honest robots alone and once of all.
 
 The figures of a pass are the greatest median of 20 passes in a row, compared with the median pass of as many honest
-robots at one per 25 m2 in the same run. The warnings of honest pairs beside others are compared with those without, but
-for robots that meet one of the others. A drive is given up if a pass takes more than 5 s of processor time. All drives
-begin with what was learned of other honest robots before, as in a service that has run for a while: what an engine
-learns first, it learns from whoever is there.
+robots at one per 25 m2 in the same run. Pairs are pairs of robots. Beside them stand the pairs of boxes of one second,
+of which two robots beside each other have ten. The warnings of honest pairs beside others are compared with those
+without, but for robots that meet one of the others. A drive is given up if a pass takes more than 5 s of processor
+time. All drives begin with what was learned of other honest robots before, as in a service that has run for a while:
+what an engine learns first, it learns from whoever is there.
 """
 
 import argparse

@@ -17,6 +17,7 @@ from deconflict.runtime.learned_state import Part
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.shared_places import Polygon, Resource, Zone
 from deconflict.settings.site import DEFAULT, Site
+from deconflict.sweep.broadphase import Pairs
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.incremental import Sweeper
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ConflictAdvisory, Severity
@@ -46,6 +47,8 @@ SITE = DEFAULT.model_copy(
 LONGEST_PASS_S, LONGEST_DRIVE_S = 5.0, 120.0
 """A drive is given up after a pass, or passes in all, that take so much processor time."""
 SEVERITIES = tuple(Severity)
+SWEPT = ("box_pairs", "segment_pairs", "advanced_pairs", "fcl_calls")
+"""What a sweep counts of its work."""
 
 
 class Work(NamedTuple):
@@ -53,7 +56,10 @@ class Work(NamedTuple):
 
     pass_s: float
     """Processor time."""
+    swept_pairs: int
+    """Pairs of robots of which the sweep examined boxes."""
     box_pairs: int
+    """Of one second each: ten of two robots that stand beside each other."""
     segment_pairs: int
     advanced_pairs: int
     fcl_calls: int
@@ -65,8 +71,8 @@ class Work(NamedTuple):
 
     @property
     def pairs(self) -> int:
-        """Examined pairs: of the sweep, of the probabilities, and of the judge."""
-        return self.box_pairs + self.foreseen_pairs + self.judged_pairs
+        """Examined pairs of robots: of the sweep, of the probabilities, and of the judge."""
+        return self.swept_pairs + self.foreseen_pairs + self.judged_pairs
 
 
 @dataclass(slots=True)
@@ -108,21 +114,21 @@ def drive(
 ) -> Drive:
     """Feed messages as they arrive, and make a pass at every tick, with all that the engine's process does in one.
     `learned` is what the engine knows before."""
-    found, sweeps, near = Drive(), list[PairConflicts](), [0]
+    found, sweeps, examined, near = Drive(), list[PairConflicts](), list[Pairs](), [0]
     fleet, engine = fast_fleet_of(site, Measures()), Engine(site, submit=_without_advice, learned=learned)
     judge = WarningJudge(site.conflict.clearance_m, site.conflict.clear_margin_m, Measures())
     connections = [_connection(number, robot) for number, robot in enumerate(robots)]
     message, ticks_s = 0, np.arange(int(seconds * passes_a_second) + 1) / passes_a_second
     unexamined: dict[str, bool] = {}
-    with _swept(sweeps), _judged(near):
+    with _swept(sweeps), _examined(examined), _judged(near):
         for _, now_s in pairwise(ticks_s.tolist()):
             while message < len(sent) and sent[message].at_s <= now_s:
                 at_s, robot, raw = sent[message]
                 fleet.receive(raw, START_S + at_s, connections[robot])
                 message += 1
             batch = _next_batch(fleet, START_S + now_s)
-            if (examined := getattr(batch, "examined", None)) is not None:
-                unexamined |= dict(zip(batch.robots, (~examined).tolist(), strict=True))
+            if (marks := getattr(batch, "examined", None)) is not None:
+                unexamined |= dict(zip(batch.robots, (~marks).tolist(), strict=True))
             began_s = process_time()
             bands_m = engine.foresight.ledger.bands_of(batch)
             engine.receive(batch)
@@ -133,7 +139,7 @@ def drive(
             pass_s = process_time() - began_s
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
-            work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
+            work = _number_of_pairs(examined), *(getattr(swept, name) for name in SWEPT)
             tables = len(engine.foresight.pairs), len(engine.conflicts())
             found.work.append(Work(pass_s, *work, *tables, near[-1] // STRETCH))
             found.failed = _failure(found, now_s)
@@ -190,6 +196,29 @@ def _swept(sweeps: list[PairConflicts]) -> Iterator[None]:
         yield
     finally:
         setattr(Sweeper, "find_conflicts", find_conflicts)  # noqa: B010
+
+
+@contextmanager
+def _examined(examined: list[Pairs]) -> Iterator[None]:
+    """Keep the pairs of boxes that every sweep examines."""
+    contacts = getattr(Sweeper, "_contacts")  # noqa: B009
+
+    def kept(self: Sweeper, pairs: Pairs, *args: Any) -> Any:
+        examined.append(pairs.copy())
+        return contacts(self, pairs, *args)
+
+    setattr(Sweeper, "_contacts", kept)  # noqa: B010
+    try:
+        yield
+    finally:
+        setattr(Sweeper, "_contacts", contacts)  # noqa: B010
+
+
+def _number_of_pairs(examined: list[Pairs]) -> int:
+    """How many pairs of robots these pairs of boxes are of. They are forgotten."""
+    codes = np.concatenate([pairs["a"].astype(np.int64) << 32 | pairs["b"] for pairs in examined])
+    examined.clear()
+    return len(np.unique(codes))
 
 
 @contextmanager

@@ -14,15 +14,16 @@ Figures = dict[str, Any]
 
 HEADINGS = (
     "kind", "floors", "given up", "pass, times usual, median", "worst", "over 3", "pairs, times usual, median", "worst",
-    "over 3", "slowest pass, ms", "warnings compared", "missing", "late", "additional", "severity", "excused",
-    "meetings told ahead: alone", "beside", "missed by others", "told of others",
+    "over 3", "pairs of boxes, times usual, median", "worst", "over 3", "slowest pass, ms", "warnings compared",
+    "missing", "late", "additional", "severity", "excused", "meetings told ahead: alone", "beside", "missed by others",
+    "told of others",
 )  # fmt: skip
 
 
 def row(name: str, floors: Sequence[Figures]) -> str:
     """A row of the table: the figures of some floors."""
     judged = _judged(floors)
-    ratios = [[each[key] for each in floors] for key in ("pass_ratio", "pairs_ratio")]
+    ratios = [[each[key] for each in floors] for key in ("pass_ratio", "pairs_ratio", "boxes_ratio")]
     cells: list[Any] = [name, len(floors), sum(bool(each["failed"]) for each in floors)]
     for ratio in ratios:
         cells += [f"{median(ratio):.1f}", f"{max(ratio):.1f}", sum(each > MOST_RATIO for each in ratio)]
@@ -78,8 +79,8 @@ def line(each: Figures) -> str:
     senders = f"{'+'.join(each['kinds'])}, {each['place']}, makers {each['makers']}, addresses {each['sources']}"
     return (
         f"  floor {each['floor']:3} {senders}: pass {each['pass_ms']:.0f} ms, {each['pass_ratio']:.1f} times usual, "
-        f"slowest {each['worst_pass_ms']:.0f} ms; pairs {each['pairs']}, {each['pairs_ratio']:.1f} times usual; "
-        f"{warnings}"
+        f"slowest {each['worst_pass_ms']:.0f} ms; pairs {each['pairs']}, {each['pairs_ratio']:.1f} times usual, of "
+        f"boxes {each['boxes_ratio']:.1f} times; {warnings}"
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.drawn_floors.driving import Drive, drive
+from benchmarks.drawn_floors.driving import SWEPT, Drive, drive
 from benchmarks.drawn_floors.figures import MOST_MORE_S
 from benchmarks.drawn_floors.floor import Floor, honest_floor
 from benchmarks.drawn_floors.judging import compared
@@ -41,7 +41,7 @@ def reference(robots: int, seed: int, terms: Terms) -> dict[str, float]:
     """The median pass of honest robots."""
     alone = terms.drive(honest_floor(robots, terms.seconds, seed))
     settled = len(alone.work) // 4
-    return {name: median(alone.column(name)[settled:].tolist()) for name in ("pass_s", "pairs")}
+    return {name: median(alone.column(name)[settled:].tolist()) for name in ("pass_s", "pairs", "box_pairs")}
 
 
 def measured(floor: Floor, terms: Terms, usual: dict[str, float]) -> dict[str, Any]:
@@ -67,7 +67,8 @@ def measured(floor: Floor, terms: Terms, usual: dict[str, float]) -> dict[str, A
         "worst_pairs": round(beside.column("pairs").max()),
         "usual_pairs": round(usual["pairs"]),
         "pairs_ratio": round(pairs / usual["pairs"], 2),
-        "work": {name: _most(beside, name) for name in ("box_pairs", "segment_pairs", "advanced_pairs", "fcl_calls")},
+        "boxes_ratio": round(windowed(beside.column("box_pairs")) / usual["box_pairs"], 2),
+        "work": {name: _most(beside, name) for name in ("swept_pairs", *SWEPT)},
         "foreseen_pairs": _most(beside, "foreseen_pairs"),
         "open_conflicts": _most(beside, "open_conflicts"),
         "not_examined": beside.not_examined,
