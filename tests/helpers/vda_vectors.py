@@ -19,6 +19,8 @@ from tests.helpers.vda_saying import (
 )
 
 T = 1_790_000_000.0
+ROUND = {"degree": 2, "controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.0}, {"x": 1.0, "y": 1.0}]}
+WINDING = [edge(n, trajectory={"degree": 2, "controlPoints": [{"x": n, "y": 0.0}] * 480}) for n in range(26)]
 LATER = "2026-09-21T14:13:24Z"
 UNREADABLE = ("headerId", "orderUpdateId", "errors", "loads", "nodeStates", "actionStates")
 SQUARE = [{"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 1.0}]
@@ -124,6 +126,12 @@ VECTORS = (
         order(T, [node(0, 0.0), node(1, 1.0)], [{"sequenceId": 1, "trajectory": {"controlPoints": []}}]),
         ("trajectory-unreadable",),
     ),
+    VdaVector(
+        "order",
+        order(T, [node(0, 0.0), node(1, 1.0)], [edge(0, trajectory=ROUND | {"knotVector": [0.0, 1.0]})]),
+        ("trajectory-odd",),
+    ),
+    VdaVector("order", order(T, [node(n, 0.0) for n in range(27)], WINDING), ("curves-too-many",)),
     VdaVector(
         "state",
         state(T, orderId="o1", driving=True, nodeStates=node_states([node(1, 0.0)])),

@@ -27,7 +27,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
-from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, is_needless, polyline
+from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, curve_of, is_needless, sampled
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
 
@@ -67,6 +67,8 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
     legs = _legs_ahead(memory, state, findings)
+    if not any(leg.place for leg in legs):
+        legs = _planned_leg(pose) or legs
     if not legs:
         return NO_DRIVE
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
@@ -96,6 +98,14 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
         return NO_PATH
     ends_s = rows[0][0], rows[-1][0]
     return Path(tuple(rows), tuple(datums), True, ends_s, tuple(most), ends_in_stop)
+
+
+def _planned_leg(pose: VdaPose) -> list[OrderLeg]:
+    """The way that a robot plans, as one leg. Empty if it plans none, or one that is far from it."""
+    points = sampled(pose.plan) if pose.plan else ()
+    if not _curve_ahead(points, (0.0, pose.position.x, pose.position.y, 0.0)):
+        return []
+    return [OrderLeg(True, NodePlace(*points[-1]), (), msgspec.structs.replace(NO_EDGE, curve=pose.plan))]
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
@@ -131,9 +141,9 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
             ordered = edge = None
         place = on_earth(node.node_position) if node.node_position else None
         place = place or (ordered.place if ordered else None)
-        between = last_between(curved, first, node.sequence_id) if edge is None and curved else None
+        between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
-            edge = OrderEdge(None, None, None, False, polyline(curves[between]))
+            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_of(curves[between], findings))
         yield OrderLeg(bool(node.released), place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
@@ -164,7 +174,7 @@ class _Walk:
         """Drive along an edge to its node, and turn there as the node says."""
         datum = (place.map_id or self.datums[-1]).strip().lower()
         if edge.curve:
-            for x, y in _curve_ahead(edge.curve, self.rows[-1]):
+            for x, y in _curve_ahead(sampled(edge.curve), self.rows[-1]):
                 self._turn_and_drive(x, y, edge, datum)
         self._turn_and_drive(place.x, place.y, edge, datum)
         if place.theta is not None:
@@ -247,10 +257,8 @@ class _Walk:
         return most_mps if isfinite(most_mps) else max(self._speed_mps, ASSUMED_MPS)
 
 
-def _curve_ahead(curve: Polyline | None, here: Row) -> Polyline:
-    """The points of a curve that are ahead of a robot. Empty if there is no curve, or if the robot is far from it."""
-    if not curve:
-        return ()
+def _curve_ahead(curve: Polyline, here: Row) -> Polyline:
+    """The points of a curve that are ahead of a robot. Empty if the robot is far from it."""
     _, x, y, _ = here
     nearest_m, ahead = inf, 0
     for row, ((ax, ay), (bx, by)) in enumerate(pairwise(curve)):

@@ -12,13 +12,13 @@ import msgspec
 from ingest.languages.model import MAX_POSITION
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of
-from ingest.languages.vda5050.trajectories import Polyline, polyline
+from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_messages import Edge, NodePlace, NodeState, OrderMessage, StateMessage, VdaNode
 
 MOST_NODES = 3000
 """Nodes of an order that are kept."""
-MOST_CURVE_POINTS = 4000
-"""Points of an order's curves that are kept. Further edges count as straight."""
+MOST_CURVE_POINTS = 4 * MOST_NODES
+"""Control points of an order's curves that are kept. Further edges count as straight."""
 _NUMBER = itemgetter(0)
 DRIVING_STOPS = frozenset(("SOFT", "HARD"))
 """Blocking types of actions during which a robot does not drive."""
@@ -46,7 +46,7 @@ class OrderEdge(msgspec.Struct, frozen=True, gc=False):
     orientation_rad: float | None
     is_global: bool
     """Whether the orientation is that of the map, not of the edge."""
-    curve: Polyline | None
+    curve: Curve | None
     """None if it is straight."""
 
 
@@ -85,7 +85,7 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
     order_edges, curve_points = {}, 0
     for number, edge in edges_by_end(numbered, edges, of_edges).items():
         order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
-        curve_points += len(read.curve or ())
+        curve_points += len(read.curve.points) if read.curve else 0
     order_nodes = {number: _node(node) for number, node in numbered}
     return Order(message.order_id or "", message.order_update_id, order_nodes, order_edges)
 
@@ -206,9 +206,9 @@ def on_earth(place: NodePlace | None) -> NodePlace | None:
 def _edge(edge: Edge, is_curve_kept: bool, findings: Findings) -> OrderEdge:
     curve = None
     if edge.trajectory and is_curve_kept:
-        curve = polyline(edge.trajectory)
-        if curve is None:
-            findings["trajectory-unreadable"] = None
+        curve = curve_of(edge.trajectory, findings)
+    elif edge.trajectory:
+        findings["curves-too-many"] = None
     speed_mps = edge.maximum_speed if edge.maximum_speed is not None else edge.max_speed
     turn_radps, is_global = edge.max_rotation_speed, edge.orientation_type == "GLOBAL"
     return OrderEdge(_positive(speed_mps), _positive(turn_radps), edge.orientation, is_global, curve)

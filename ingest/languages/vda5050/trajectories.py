@@ -1,11 +1,13 @@
 """Trajectories of VDA 5050: NURBS curves, as polylines."""
 
+from functools import lru_cache
 from itertools import pairwise
 from math import atan2, hypot, isfinite
+from typing import NamedTuple
 
 import numpy as np
 
-from ingest.batch import Floats
+from ingest.languages.rules import Findings
 from ingest.languages.vda5050.vda_messages import Trajectory
 
 MOST_DEGREE, MOST_CONTROL_POINTS = 10, 500
@@ -14,24 +16,46 @@ SPACING_M = 0.3
 BEND_RAD = 0.1
 """Where a line bends by more than this, a point of it is kept however near the next is."""
 LEAST_POINTS, MOST_POINTS = 9, 65
+_SAMPLED = 4096
+"""Curves of which the points are cached: those near robots."""
 Point = tuple[float, float]
 Polyline = tuple[Point, ...]
 
 
-def polyline(trajectory: Trajectory) -> Polyline | None:
-    """Points along the curve, from its first control point to its last. None if it is no clamped NURBS."""
-    points = trajectory.control_points
+class Curve(NamedTuple):
+    """A clamped NURBS."""
+
+    degree: int
+    knots: tuple[float, ...]
+    """(n + degree + 1,) or () if they are uniform."""
+    points: tuple[tuple[float, float, float], ...]
+    """(n,) x, y and weight of each control point."""
+
+
+def curve_of(trajectory: Trajectory, findings: Findings) -> Curve | None:
+    """The curve of a trajectory. None, which is counted, if it is no clamped NURBS."""
     degree = trajectory.degree if trajectory.degree is not None else 1
-    if not (1 <= degree <= MOST_DEGREE and degree < len(points) <= MOST_CONTROL_POINTS):
+    corners = [(point.x, point.y) for point in trajectory.control_points]
+    weights = [1.0 if point.weight is None else point.weight for point in trajectory.control_points]
+    is_on_earth = all(_on_earth(*corner) for corner in corners)
+    if degree == 1 and is_on_earth:
+        corners = _thinned(corners)
+        weights = [1.0] * len(corners)
+    elif not any(weights):
+        findings.note("trajectory-odd", "trajectory.controlPoints[0].weight", 0.0, "1 for all")
+        weights = [1.0] * len(corners)
+    is_long_enough = 1 <= degree <= MOST_DEGREE and degree < len(corners) <= MOST_CONTROL_POINTS
+    if not (is_on_earth and is_long_enough and all(1e-9 < weight < 1e9 for weight in weights)):
+        findings["trajectory-unreadable"] = None
         return None
-    weights = [1.0 if point.weight is None else point.weight for point in points]
-    corners = [(point.x, point.y) for point in points]
-    if not all(0.0 < weight < 1e9 for weight in weights) or not all(_on_earth(*corner) for corner in corners):
-        return None
-    if degree == 1:
-        return _thinned(corners)
-    knots = _knots(trajectory.knot_vector, len(points), degree)
-    return None if knots is None else _sampled(knots, corners, weights, degree)
+    knots = _knots(trajectory.knot_vector or [], len(corners), degree, findings) if degree > 1 else ()
+    return Curve(degree, knots, tuple((*corner, weight) for corner, weight in zip(corners, weights, strict=True)))
+
+
+def polyline(trajectory: Trajectory) -> Polyline | None:
+    """Points along a trajectory, from its first control point to its last. None if it is no clamped NURBS."""
+    curve = curve_of(trajectory, Findings())
+    return sampled(curve) if curve else None
 
 
 def is_needless(before: Point, point: Point, after: Point) -> bool:
@@ -41,38 +65,47 @@ def is_needless(before: Point, point: Point, after: Point) -> bool:
     return hypot(cx - ax, cy - ay) < SPACING_M and abs(atan2(dx * ey - dy * ex, dx * ex + dy * ey)) < BEND_RAD
 
 
-def _thinned(corners: list[Point]) -> Polyline:
+def _thinned(corners: list[Point]) -> list[Point]:
     kept = corners[:2]
     for corner in corners[2:]:
         if is_needless(kept[-2], kept[-1], corner):
             kept.pop()
         kept.append(corner)
-    return tuple(kept)
+    return kept
 
 
 def _on_earth(x: float, y: float) -> bool:
     return abs(x) < 1e7 and abs(y) < 1e7
 
 
-def _knots(sent: list[float] | None, points: int, degree: int) -> Floats | None:
-    """The knots (points + degree + 1,). None if those that were sent do not fit the curve."""
-    if not sent:
-        inner = np.linspace(0.0, 1.0, points - degree + 1)
-        return np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+def _knots(sent: list[float], points: int, degree: int, findings: Findings) -> tuple[float, ...]:
+    """The knots. () if none were sent, or if those that were do not fit the points, which is counted."""
     fits = len(sent) == points + degree + 1 and all(map(isfinite, sent)) and all(a <= b for a, b in pairwise(sent))
-    return np.array(sent) if fits and sent[degree] < sent[points] else None
+    if fits and sent[degree] < sent[points]:
+        return tuple(sent)
+    if sent:
+        findings.note("trajectory-odd", "trajectory.knotVector", sent, "as if there were none")
+    return ()
 
 
-def _sampled(knots: Floats, corners: list[tuple[float, float]], weights: list[float], degree: int) -> Polyline | None:
-    """A rational curve is the quotient of two curves that are not: the weighted points, and the weights."""
+@lru_cache(_SAMPLED)
+def sampled(curve: Curve) -> Polyline:
+    """Points along a curve, from its first control point to its last.
+
+    A rational curve is the quotient of two curves that are not: the weighted points, and the weights.
+    """
+    corners, degree = tuple((x, y) for x, y, _ in curve.points), curve.degree
+    if degree == 1:
+        return corners
     from scipy.interpolate import BSpline  # noqa: PLC0415 - half of all fleets send no curves
 
     length_m = sum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(corners))
     count = min(max(int(length_m / SPACING_M), LEAST_POINTS), MOST_POINTS)
-    w = np.array(weights)
-    weighted = np.column_stack([np.array(corners) * w[:, None], w])
-    at = np.linspace(knots[degree], knots[-degree - 1], count)
-    curve = BSpline(knots, weighted, degree)(at)
+    inner = np.linspace(0.0, 1.0, len(corners) - degree + 1)
+    knots = np.array(curve.knots or [*[0.0] * degree, *inner, *[1.0] * degree])
+    weighted = np.array(curve.points)
+    weighted[:, :2] *= weighted[:, 2:]
+    along = BSpline(knots, weighted, degree)(np.linspace(knots[degree], knots[-degree - 1], count))
     with np.errstate(all="ignore"):
-        sampled = curve[:, :2] / curve[:, 2:]
-    return tuple(map(tuple, sampled.tolist())) if np.isfinite(sampled).all() else None
+        points = along[:, :2] / along[:, 2:]
+    return tuple(map(tuple, points.tolist())) if np.isfinite(points).all() else corners

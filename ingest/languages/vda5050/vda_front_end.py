@@ -34,7 +34,7 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.languages.vda5050.vda_reader import read_message
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
-from ingest.languages.vda5050.vda_status import status_of, unstamped
+from ingest.languages.vda5050.vda_status import newest_plans, plans_of, status_of, unstamped
 
 ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
@@ -198,9 +198,11 @@ def _read_motion(
 ) -> tuple[Message, VdaMemory]:
     """What a state or a visualization says. `changes` are those of the memory by any message."""
     position = message.position
+    own_stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
+    changes = changes | {"plans": memory.plans | {topic.kind: plans_of(message, own_stamp.t_s, findings)}}
     if isinstance(message, StateMessage):
         orders, outdated = swapped(memory.orders, memory.outdated, message)
-        changes = changes | {"state": message, "orders": orders, "outdated": outdated}
+        changes |= {"state": message, "orders": orders, "outdated": outdated}
         changes |= {"is_order_newer": False, "connection": "ONLINE"}
     if position is None:
         key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
@@ -210,8 +212,8 @@ def _read_motion(
     elif memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
         findings["stamp-not-increasing"] = None
     else:
-        stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
-        pose = VdaPose(stamp, position, message.velocity, message.intermediate_path, message.planned_path)
+        path, plan = newest_plans(changes["plans"], message, topic.kind, stamp.t_s)
+        pose = VdaPose(own_stamp, position, message.velocity, path, plan)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory

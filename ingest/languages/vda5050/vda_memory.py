@@ -2,11 +2,23 @@
 
 import msgspec
 
+from ingest.languages.model import NO_PATH, Path
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
 from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
-from ingest.languages.vda5050.vda_messages import IntermediatePath, PlannedPath, Position, StateMessage, Velocity2d
+from ingest.languages.vda5050.trajectories import Curve
+from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
+
+
+class Plans(msgspec.Struct, frozen=True, gc=False):
+    """Where a robot will drive by its own plans, as a state or a visualization has them."""
+
+    stamp_s: float
+    path: Path = NO_PATH
+    """Its `intermediatePath`."""
+    curve: Curve | None = None
+    """Its `plannedPath`."""
 
 
 class VdaPose(msgspec.Struct, frozen=True, gc=False):
@@ -15,8 +27,10 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     stamp: Stamp
     position: Position
     velocity: Velocity2d | None
-    intermediate_path: IntermediatePath | None
-    planned_path: PlannedPath | None
+    path: Path
+    """That it plans itself, with its own times."""
+    plan: Curve | None
+    """The way that it plans, without times."""
 
 
 class Abilities(msgspec.Struct, frozen=True, gc=False):
@@ -36,6 +50,8 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """Kinds of messages of which any had keys in another spelling."""
     state: StateMessage | None = None
     pose: VdaPose | None = None
+    plans: dict[str, Plans] = {}
+    """By kind of message, those of the newest one."""
     orders: tuple[Order, ...] = ()
     """The last two, the newest last."""
     outdated: Order | None = None

@@ -73,7 +73,9 @@ _WHERE_TO = (
     Rule("order-too-long", "More than three thousand nodes; three thousand from the robot's last node used.", "order"),
     Rule("sequence-ids-odd", "Sequence ids repeat, fall or begin anew; the ids and the order of nodes count.", "order"),
     Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
-    Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; the edge counts as straight.", "order"),
+    Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; not used, so that its edge is straight.", "order"),
+    Rule("trajectory-odd", "Knots do not fit the points, or all weights are 0; read as left out.", "order"),
+    Rule("curves-too-many", "Curves of an order have over 12,000 control points; further edges are straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule(
         "order-unseen", "A state names an order or node that was not heard; only what the state says is used.", "order"

@@ -1,5 +1,6 @@
 """The status of a robot by its newest state, pose and order: what it does, where it is, and where it will be."""
 
+from collections.abc import Mapping
 from math import atan2, hypot, inf, nan, pi, remainder
 from operator import lt
 from typing import NamedTuple
@@ -21,15 +22,15 @@ from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive
-from ingest.languages.vda5050.trajectories import polyline
-from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
+from ingest.languages.vda5050.trajectories import Curve, curve_of, sampled
+from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
     Load,
     OperatingMode,
-    PlannedPath,
     Position,
     StateMessage,
+    VdaMotion,
     Velocity2d,
 )
 from ingest.sizes.stated_loads import StatedLoad
@@ -58,10 +59,10 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     position, stamp = pose.position, pose.stamp
     operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
-    path, basis = _intermediate(pose.intermediate_path, stamp.t_s, findings), Basis.PATH
+    path, basis = pose.path, Basis.PATH
     if path is NO_PATH:
         path, basis = driven.path, Basis.ORDER
-    planned = _planned_end(pose.planned_path, stamp.t_s)
+    planned = _planned_end(pose.plan, stamp.t_s)
     return Status(
         uuid,
         stamp.t_s,
@@ -222,9 +223,31 @@ def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
     return timestamps.Stamp(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())), inf)
 
 
-def _planned_end(sent: PlannedPath | None, stamp_s: float) -> Path:
+def plans_of(message: VdaMotion, stamp_s: float, findings: Findings) -> Plans:
+    """The plans in a message."""
+    planned = message.planned_path.trajectory if message.planned_path else None
+    path = _intermediate(message.intermediate_path, stamp_s, findings)
+    return Plans(stamp_s, path, curve_of(planned, findings) if planned else None)
+
+
+def newest_plans(
+    plans: Mapping[str, Plans], message: VdaMotion, kind: str, stamp_s: float
+) -> tuple[Path, Curve | None]:
+    """Path and curve of a message, or else those that came by the other kind, unless they are outdated.
+
+    A state by which the robot stands says that there are no others. `stamp_s` is nan if it is not known.
+    """
+    own = plans[kind]
+    other = next((plans[each] for each in plans if each != kind), own)
+    is_standing = isinstance(message, StateMessage) and message.driving is False
+    if is_standing or not abs(stamp_s - other.stamp_s) <= STANDING_REPORTS_S:
+        return own.path, own.curve
+    is_kept = own.path is NO_PATH and max(other.path.times, default=0.0) > stamp_s
+    return other.path if is_kept else own.path, own.curve or other.curve
+
+
+def _planned_end(curve: Curve | None, stamp_s: float) -> Path:
     """The end of a planned path as a destination. Nobody says when the robot will be there."""
-    curve = polyline(sent.trajectory) if sent and sent.trajectory else None
     if not curve:
         return NO_PATH
-    return Path(((stamp_s, *curve[-1], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))
+    return Path(((stamp_s, *sampled(curve)[-1], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))

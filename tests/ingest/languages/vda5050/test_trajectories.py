@@ -3,10 +3,16 @@ from math import cos, hypot, sin, sqrt
 
 import pytest
 
-from ingest.languages.vda5050.trajectories import MOST_POINTS, polyline
+from ingest.batch import Basis
+from ingest.languages.model import NO_PATH
+from ingest.languages.rules import Findings
+from ingest.languages.vda5050.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
+from tests.helpers.vda_saying import edge, node, order, state, under_way
+from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 QUARTER = [ControlPoint(2.0, 0.0), ControlPoint(2.0, 2.0, sqrt(0.5)), ControlPoint(0.0, 2.0)]
+UNWEIGHTED = [ControlPoint(each.x, each.y) for each in QUARTER]
 CLAMPED = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
 
 
@@ -19,7 +25,7 @@ def test_a_rational_curve_of_degree_two_is_a_true_circle() -> None:
 
 
 def test_without_weights_the_same_points_give_a_parabola() -> None:
-    points = polyline(Trajectory([ControlPoint(each.x, each.y) for each in QUARTER], 2, CLAMPED))
+    points = polyline(Trajectory(UNWEIGHTED, 2, CLAMPED))
     assert points is not None
     assert max(hypot(x, y) for x, y in points) == pytest.approx(sqrt(4.5))
 
@@ -42,17 +48,16 @@ def test_a_long_curve_has_a_limited_number_of_points() -> None:
         Trajectory(QUARTER, 0),
         Trajectory(QUARTER, 3),
         Trajectory(QUARTER[:1], 1),
-        Trajectory(QUARTER, 2, [0.0, 0.0, 1.0, 1.0]),
-        Trajectory(QUARTER, 2, [0.0, 0.0, 1.0, 0.5, 1.0, 1.0]),
-        Trajectory(QUARTER, 2, [1.0] * 6),
         Trajectory([*QUARTER[:2], ControlPoint(0.0, 2.0, 0.0)], 2, CLAMPED),
         Trajectory([*QUARTER[:2], ControlPoint(0.0, 2e7)], 2, CLAMPED),
         Trajectory(QUARTER * 400, 2),
     ],
-    ids=["degree 0", "too few points", "one point", "too few knots", "unsorted", "no span", "weight 0", "far", "long"],
+    ids=["degree 0", "too few points", "one point", "weight 0", "far", "long"],
 )
 def test_what_is_no_clamped_curve_is_none(trajectory: Trajectory) -> None:
-    assert polyline(trajectory) is None
+    findings = Findings()
+    assert curve_of(trajectory, findings) is None
+    assert tuple(findings) == ("trajectory-unreadable",)
 
 
 def test_a_line_that_is_drawn_finely_is_thinned_and_keeps_its_corners() -> None:
@@ -71,3 +76,72 @@ def test_a_circle_that_is_drawn_finely_stays_one() -> None:
     assert points is not None
     assert len(points) < 60
     assert all(hypot(ax + bx, ay + by) / 2 > 0.99 for (ax, ay), (bx, by) in pairwise(points))
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "usual"),
+    [
+        (Trajectory(QUARTER, 2, [0.0, 0.0, 1.0, 1.0]), Trajectory(QUARTER, 2)),
+        (Trajectory(QUARTER, 2, [0.0, 0.0, 1.0, 0.5, 1.0, 1.0]), Trajectory(QUARTER, 2)),
+        (Trajectory(QUARTER, 2, [1.0] * 6), Trajectory(QUARTER, 2)),
+        (Trajectory([ControlPoint(each.x, each.y, 0.0) for each in QUARTER], 2), Trajectory(UNWEIGHTED, 2)),
+    ],
+    ids=["too few knots", "unsorted", "no span", "weights 0"],
+)
+def test_knots_and_weights_that_can_not_be_used_are_as_if_absent(trajectory: Trajectory, usual: Trajectory) -> None:
+    findings = Findings()
+    assert curve_of(trajectory, findings) == curve_of(usual, Findings())
+    assert tuple(findings) == ("trajectory-odd",)
+
+
+def test_a_line_of_many_points_is_thinned_before_they_are_counted() -> None:
+    line = [ControlPoint(0.02 * step, 0.0) for step in range(700)]
+    points = polyline(Trajectory(line, 1))
+    assert points is not None
+    assert points[-1][0] == pytest.approx(13.98)
+
+
+ARC = {"degree": 2, "controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0}, {"x": 4.0, "y": 4.0}]}
+CORNERS = [node(0, 0.0), node(1, 4.0, 4.0)]
+
+
+def on_arc(*messages: tuple[str, bytes]) -> list[tuple[float, float]]:
+    """The points of the path of the last status, which must go along `ARC`."""
+    ahead = [row[1:3] for row in Listener().status_after(*messages).path.poses]
+    assert len(ahead) > 5
+    assert max(x - y for x, y in ahead) == pytest.approx(2.0, abs=0.1)
+    assert ahead[-1] == (4.0, 4.0)
+    return ahead
+
+
+def test_a_curve_of_a_state_is_followed_where_the_order_has_none() -> None:
+    states = [{"edgeId": "e0", "sequenceId": 1, "released": True, "trajectory": ARC}]
+    report = ("state", under_way(T, 0.0, 0.0, CORNERS[1:], edgeStates=states))
+    expected = on_arc(("order", order(T, CORNERS, [edge(0, trajectory=ARC)])), report)
+    limited = ("order", order(T, CORNERS, [edge(0, maxSpeed=0.5)]))
+    assert on_arc(limited, report) == expected
+    assert Listener().status_after(limited, report).path.most[0] == 0.5
+
+
+def test_a_planned_path_is_the_way_where_no_node_has_a_place() -> None:
+    plan = {"trajectory": ARC}
+    report = under_way(T, 0.0, 0.0, CORNERS[1:], plannedPath=plan)
+    ahead = on_arc(("state", report))
+    assert on_arc(("state", state(T, driving=True, plannedPath=plan))) == ahead
+    assert Listener().status_after(("state", report)).path_basis is Basis.ORDER
+    straight = Listener().status_after(("order", order(T, CORNERS)), ("state", report))
+    assert len(straight.path.poses) < len(ahead)
+    far = Listener().status_after(("state", state(T, 0.0, 9.0, driving=True, plannedPath=plan)))
+    assert (far.path, far.destinations.poses[0][1:3]) == (NO_PATH, (4.0, 4.0))
+
+
+def test_the_last_curve_of_a_long_order_is_followed() -> None:
+    nodes = [node(number, 4.0 * number, 4.0 * (number % 2)) for number in range(300)]
+    edges = []
+    for number, (start, end) in enumerate(pairwise(each["nodePosition"] for each in nodes)):
+        corner = {"x": end["x"], "y": start["y"]}
+        edges.append(edge(number, trajectory={"degree": 2, "controlPoints": [start, corner, end]}))
+    report = under_way(T, 4.0 * 298, 0.0, nodes[299:])
+    status = Listener().status_after(("order", order(T, nodes, edges)), ("state", report))
+    assert len(status.path.poses) > 5
+    assert status.findings == ()

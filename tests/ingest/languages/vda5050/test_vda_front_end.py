@@ -3,12 +3,14 @@ from typing import Any
 
 import pytest
 
+from ingest.batch import Basis
 from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
-from ingest.languages.model import Rejection, Status, Update
+from ingest.languages.model import NO_PATH, Rejection, Status, Update
+from ingest.languages.timestamps import write
 from ingest.languages.tolerance import tolerant_json
 from ingest.languages.tolerance.heard import STEPPED_BACK
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
-from tests.helpers.vda_saying import node, order, position, state, topic, vda, visualization
+from tests.helpers.vda_saying import node, order, position, state, state_3, topic, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 
@@ -182,3 +184,35 @@ def test_a_usual_message_is_not_read_anew(monkeypatch: pytest.MonkeyPatch) -> No
     listener.hears("state", state(T, **items))
     monkeypatch.setattr(tolerant_json, "_repaired", None)
     assert isinstance(listener.hears("state", state(T + 1, 1.0, **items)), Status)
+
+
+PLANNED = {"polyline": [{"x": float(s), "y": 0.0, "eta": write(T + s)} for s in range(1, 10)]}
+CURVE = {"trajectory": {"controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 9.0, "y": 0.0}]}}
+
+
+def test_a_path_lasts_while_another_topic_has_none_and_its_times_lie_ahead() -> None:
+    listener = Listener()
+    first = listener.status_after(("state", state_3(T, driving=True, intermediatePath=PLANNED)))
+    for seconds in (0.5, 8.5):
+        later = listener.status_after(("visualization", visualization(T + seconds, seconds, 0.0)))
+        assert (later.path, later.path_basis) == (first.path, Basis.PATH)
+    assert listener.status_after(("visualization", visualization(T + 9.5, 9.0, 0.0))).path is NO_PATH
+
+
+def test_a_path_ends_with_a_message_of_its_own_topic_or_with_the_drive() -> None:
+    for gone in (("state", state_3(T + 1, driving=True)), ("visualization", visualization(T + 1, 1.0, 0.0))):
+        listener = Listener()
+        listener.hears(gone[0], vda(T, intermediatePath=PLANNED, agvPosition=position()))
+        assert listener.status_after(gone).path is NO_PATH
+    listener = Listener()
+    listener.hears("visualization", visualization(T, 0.0, 0.0, intermediatePath=PLANNED))
+    assert listener.status_after(("state", state_3(T + 1, driving=True))).path is not NO_PATH
+    assert listener.status_after(("state", state_3(T + 2, driving=False))).path is NO_PATH
+
+
+def test_a_planned_path_lasts_as_long_as_states_may_be_apart() -> None:
+    listener = Listener()
+    listener.hears("state", state(T, driving=True, plannedPath=CURVE))
+    for seconds, is_planned in ((1.0, True), (34.0, True), (36.0, False)):
+        later = listener.status_after(("visualization", visualization(T + seconds, 1.0, 0.0)))
+        assert (later.path is not NO_PATH) == is_planned
