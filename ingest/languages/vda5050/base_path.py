@@ -26,10 +26,10 @@ from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, numbered_states, on_earth
+from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, numbered_states, on_earth
 from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, curve_of, is_needless, sampled
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
-from ingest.languages.vda5050.vda_messages import NodePlace, StateMessage
+from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, StateMessage
 
 LONGEST_S = 40.0
 MOST_ROWS = 150
@@ -108,10 +108,15 @@ def _planned_leg(pose: VdaPose) -> list[OrderLeg]:
     return [OrderLeg(True, NodePlace(*points[-1]), (), msgspec.structs.replace(NO_EDGE, curve=pose.plan))]
 
 
+def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
+    """The newest order that a state is about."""
+    order_id = state.order_id or None if state.node_states else state.order_id
+    return next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+
+
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
     """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
-    order_id = state.order_id or None if state.node_states else state.order_id
-    order = next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+    order = order_by(memory, state)
     if order and memory.is_order_newer and order is memory.orders[-1]:
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
@@ -130,21 +135,34 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
     curved = sorted(curves)
     nodes, edges = (order.nodes, order.edges) if order else ({}, {})
     last_number, last_id = state.last_node_sequence_id, state.last_node_id
-    before = -1 if last_number is None else last_number
+    before, passed = -1 if last_number is None else last_number, order.passed_by(state) if order else -1
     for number, node in numbered_states(state.node_states or (), order, findings):
         first, before = before, node.sequence_id
-        if node.sequence_id == last_number and node.node_id == last_id:
+        if number <= passed or (node.sequence_id == last_number and node.node_id == last_id):
+            if number < passed:
+                findings.note("node-passed", "nodeStates[].sequenceId", node.sequence_id, "left out")
             continue
         ordered, edge = nodes.get(number), edges.get(number)
         if ordered and not ordered.is_meant_by(node.node_id):
             findings["order-unseen"] = None
             ordered = edge = None
-        place = on_earth(node.node_position) if node.node_position else None
-        place = place or (ordered.place if ordered else None)
+        place = _place(node, ordered, findings)
         between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
             edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_of(curves[between], findings))
-        yield OrderLeg(bool(node.released), place, ordered.stops if ordered else (), edge or NO_EDGE)
+        yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
+
+
+def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> NodePlace | None:
+    """Where a node is by a state, or else by the order, also if the state's place is not filled in."""
+    place, known = on_earth(node.node_position), ordered.place if ordered else None
+    if place is None or known is None:
+        return place or known
+    if place.map_id or place.x or place.y or place.theta:
+        return place
+    if known.x or known.y:
+        findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
+    return known
 
 
 class _Walk:

@@ -73,6 +73,12 @@ class Order(msgspec.Struct, frozen=True, gc=False):
             return sent
         return next((number for number, node in self.nodes.items() if node.node_id == node_id), sent)
 
+    def passed_by(self, state: StateMessage) -> int:
+        """The number of the last node of a state. -1 unless the order has this node there."""
+        number = -1 if state.last_node_sequence_id is None else state.last_node_sequence_id
+        last = self.nodes.get(number)
+        return number if last and last.node_id and last.node_id == state.last_node_id else -1
+
 
 def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:
     """The nodes and edges of one message. Of a very long order, those from where the robot is by its state."""
@@ -195,7 +201,14 @@ def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, No
 
 def _node(node: VdaNode) -> OrderNode:
     stops = tuple(action.action_id for action in node.actions or () if action.blocking_type in DRIVING_STOPS)
-    return OrderNode(bool(node.released), on_earth(node.node_position), stops, node.node_id)
+    return OrderNode(node.released is not False, on_earth(node.node_position), stops, node.node_id)
+
+
+def is_released(state: NodeState, ordered: OrderNode | None) -> bool:
+    """Whether a node is released by a state, or by the order if the state does not say it."""
+    if state.released is None and ordered and ordered.is_meant_by(state.node_id):
+        return ordered.released
+    return state.released is not False
 
 
 def on_earth(place: NodePlace | None) -> NodePlace | None:

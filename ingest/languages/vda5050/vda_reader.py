@@ -9,7 +9,7 @@ from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required
-from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, StateMessage
+from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, OrderMessage, StateMessage
 
 _READABLE = ("2.", "3.")
 """Versions begin with one of these, or are the whole number."""
@@ -48,10 +48,19 @@ def read_message(kind: str, raw: bytes, findings: Findings, before: StateMessage
     if kind == "state" and before and not before.loads:
         lacks_key = partial(_has_loads_or, lacks_key)
     message = decoded(KINDS[kind], raw, findings, lacks_key, _REQUIRED[kind], NAMES, is_first=is_first)
+    _note_unreleased(message, findings)
     version = message.version
     if version and not version.startswith(_READABLE) and version not in {"2", "3"}:
         findings.note("version-unknown", "version", version, "2.x or 3.x")
     return message
+
+
+def _note_unreleased(message: Header, findings: Findings) -> None:
+    """Count a first node that does not say whether it is released."""
+    if isinstance(message, StateMessage) and message.node_states and message.node_states[0].released is None:
+        findings.note("key-absent", "nodeStates[0].released", None, "as the order says, else released")
+    if isinstance(message, OrderMessage) and message.nodes and message.nodes[0].released is None:
+        findings.note("key-absent", "nodes[0].released", None, "released")
 
 
 def _lacks_key_of_motion(required: Callable[[Any], Any], message: Any) -> bool:

@@ -21,7 +21,8 @@ from ingest.languages.model import (
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import speed_mps
-from ingest.languages.vda5050.base_path import NO_DRIVE, drive
+from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
+from ingest.languages.vda5050.orders import is_released
 from ingest.languages.vda5050.trajectories import Curve, curve_of, sampled
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -132,7 +133,7 @@ def _operational_state(memory: VdaMemory, state: StateMessage, pose: VdaPose) ->
         return "navigating"
     if power and power.charging:
         return "charging"
-    standing = _standing_state(state)
+    standing = _standing_state(memory, state)
     says_nothing = state.driving is None and pose.velocity is None
     return "navigating" if standing == "idle" and says_nothing else standing
 
@@ -147,15 +148,19 @@ def _by_mode(mode: OperatingMode | None, is_moving: bool) -> str | None:
     return None
 
 
-def _standing_state(state: StateMessage) -> str:
+def _standing_state(memory: VdaMemory, state: StateMessage) -> str:
     """Why a robot that does not drive stands."""
     requests = (*(state.zone_requests or ()), *(state.edge_requests or ()))
     if state.paused or any(request.request_status == "REQUESTED" for request in requests):
         return "waitingExternalEvent"
     if any(action.action_status in BUSY for action in state.action_states or ()):
         return "waitingInternalEvent"
-    if any(node.released for node in state.node_states or () if node.sequence_id != state.last_node_sequence_id):
-        return "navigating"
+    order = order_by(memory, state)
+    nodes, passed = (order.nodes, order.passed_by(state)) if order else ({}, -1)
+    for node in state.node_states or ():
+        is_ahead = node.sequence_id > passed and node.sequence_id != state.last_node_sequence_id
+        if is_ahead and is_released(node, nodes.get(node.sequence_id)):
+            return "navigating"
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 

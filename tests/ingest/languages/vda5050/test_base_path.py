@@ -9,7 +9,7 @@ import pytest
 
 from ingest.batch import Basis
 from ingest.languages.model import NO_PATH, Path
-from tests.helpers.vda_saying import edge, factsheet, node, order, state, under_way, visualization
+from tests.helpers.vda_saying import edge, factsheet, node, node_states, order, state, under_way, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 LINE = [node(0, 0.0), node(1, 4.0), node(2, 10.0)]
@@ -287,3 +287,32 @@ def test_a_path_is_a_stop_only_where_the_base_ends(
     assert points(status.path)[-1][1] == pytest.approx(end_m, abs=1.0)
     assert status.path.ends_in_stop == is_stop
     assert len(status.path.poses) <= 151
+
+
+def test_nodes_that_are_passed_but_still_named_do_not_send_the_robot_back() -> None:
+    named = {"nodeStates": node_states(LINE), "lastNodeId": "n1", "lastNodeSequenceId": 2}
+    status = Listener().status_after(ORDERED, ("state", under_way(T, 5.0, 0.0, [], **named)))
+    assert points(status.path) == [(5.0, 10.0, 0.0)]
+    assert status.findings == ("node-passed",)
+    arrived = named | {"lastNodeId": "n2", "lastNodeSequenceId": 4, "driving": False}
+    status = Listener().status_after(ORDERED, ("state", under_way(T, 10.0, 0.0, [], **arrived)))
+    assert (status.state, status.path) == ("waitingExternalEvent", NO_PATH)
+
+
+@pytest.mark.parametrize(
+    ("place", "y_m", "findings"),
+    [
+        ({"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": ""}, 3.0, ("node-place-zero",)),
+        ({"x": 0.0, "y": 0.0, "mapId": "hall"}, 0.0, ()),
+        ({"x": 0.0, "y": 5.0}, 5.0, ()),
+    ],
+)
+def test_a_place_in_a_state_that_is_not_filled_in_is_where_the_order_says(
+    place: dict[str, Any], y_m: float, findings: tuple[str, ...]
+) -> None:
+    nodes = [node(0, 4.0, 3.0), node(1, 0.0, 3.0)]
+    ahead = [{**each, "nodePosition": place} for each in node_states(nodes[1:])]
+    report = under_way(T, 4.0, 3.0, nodes[1:], nodeStates=ahead, velocity={"vx": 1.0})
+    status = Listener().status_after(("order", order(T, nodes)), ("state", report))
+    assert points(status.path)[-1][1:] == (0.0, y_m)
+    assert status.findings == findings

@@ -10,7 +10,7 @@ from ingest.languages.model import Status
 from ingest.languages.timestamps import write
 from ingest.sizes.size_limit import Rectangle
 from ingest.sizes.stated_loads import NO_LOADS, LoadBox, read_loads
-from tests.helpers.vda_saying import node, node_states, position, state, state_3, vda
+from tests.helpers.vda_saying import node, node_states, order, position, state, state_3, vda
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 RUNNING = [{"actionId": "a", "actionStatus": "RUNNING"}]
@@ -63,6 +63,20 @@ def test_a_robot_that_signs_off_is_offline_and_one_that_is_cut_off_keeps_its_sta
     goodbye = ("connection", vda(T + 1, connectionState=connection))
     assert Listener().status_after(("state", state(T)), goodbye).state == expected
     assert Listener().status_after(("state", state(T)), goodbye, ("state", state(T + 2))).state == "idle"
+
+
+@pytest.mark.parametrize(("ordered", "expected"), [(None, True), (True, True), (False, False), ("absent", True)])
+def test_a_node_is_released_unless_the_state_or_the_order_says_otherwise(ordered: Any, expected: bool) -> None:
+    nodes = [node(0, 0.0), node(1, 4.0, released=ordered is not False)]
+    if ordered == "absent":
+        nodes = [{key: each[key] for key in each if key != "released"} for each in nodes]
+    ahead = [{"nodeId": "n1", "sequenceId": 2}]
+    messages = [] if ordered is None else [("order", order(T - 1, nodes, []))]
+    report = state(T, orderId="o1", lastNodeId="n0", nodeStates=ahead)
+    read = Listener().status_after(*messages, ("state", report))
+    assert (read.state == "navigating") == expected
+    assert "key-absent" in read.findings
+    assert read.oddities[0].path == "nodeStates[0].released"
 
 
 def test_a_retained_goodbye_does_not_outlive_newer_states() -> None:
