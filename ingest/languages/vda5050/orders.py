@@ -32,10 +32,11 @@ class OrderNode(msgspec.Struct, frozen=True, gc=False):
     stops: tuple[str, ...]
     """Ids of the actions for which the robot stops there."""
     node_id: str = ""
+    """As `plain_id` has it."""
 
     def is_meant_by(self, node_id: str) -> bool:
         """Whether a state with this id is about it. Without an id on either side it may be."""
-        return self.node_id == node_id or not (self.node_id and node_id)
+        return self.node_id == plain_id(node_id) or not (self.node_id and node_id)
 
 
 class OrderEdge(msgspec.Struct, frozen=True, gc=False):
@@ -54,6 +55,7 @@ class Order(msgspec.Struct, frozen=True, gc=False):
     """The newest state of an order. The numbers of its nodes are their sequence ids, if these rise."""
 
     order_id: str
+    """As `plain_id` has it."""
     update_id: int | None
     """None if none was sent that can be read."""
     nodes: dict[int, OrderNode]
@@ -63,12 +65,12 @@ class Order(msgspec.Struct, frozen=True, gc=False):
 
     def is_meant_by(self, order_id: str | None) -> bool:
         """Whether a state with this id is about it. Without an id on either side it may be, so that the newest is."""
-        return order_id is None or self.order_id in ("", order_id)
+        return order_id is None or self.order_id in ("", plain_id(order_id))
 
     def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
         """The number of a node that a robot has passed. -1 if it has passed none."""
         sent = -1 if sequence_id is None else sequence_id
-        known = self.nodes.get(sent)
+        known, node_id = self.nodes.get(sent), plain_id(node_id or "")
         if not node_id or known is None or known.node_id == node_id:
             return sent
         return next((number for number, node in self.nodes.items() if node.node_id == node_id), sent)
@@ -77,7 +79,12 @@ class Order(msgspec.Struct, frozen=True, gc=False):
         """The number of the last node of a state. -1 unless the order has this node there."""
         number = -1 if state.last_node_sequence_id is None else state.last_node_sequence_id
         last = self.nodes.get(number)
-        return number if last and last.node_id and last.node_id == state.last_node_id else -1
+        return number if last and last.node_id and last.node_id == plain_id(state.last_node_id or "") else -1
+
+
+def plain_id(sent: str) -> str:
+    """An id without case and outer spaces, in which some states differ from orders."""
+    return sent.strip().lower()
 
 
 def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:
@@ -93,13 +100,13 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
         order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
         curve_points += len(read.curve.points) if read.curve else 0
     order_nodes = {number: _node(node) for number, node in numbered}
-    return Order(message.order_id or "", message.order_update_id, order_nodes, order_edges)
+    return Order(plain_id(message.order_id or ""), message.order_update_id, order_nodes, order_edges)
 
 
 def _from_robot_on(nodes: list[VdaNode], state: StateMessage | None) -> list[VdaNode]:
     """As many nodes as are kept, from the last one that the robot has passed."""
-    passed = (state.last_node_id, state.last_node_sequence_id) if state else None
-    row = next((row for row, node in enumerate(nodes) if (node.node_id, node.sequence_id) == passed), 0)
+    passed = (plain_id(state.last_node_id or ""), state.last_node_sequence_id) if state else None
+    row = next((row for row, node in enumerate(nodes) if (plain_id(node.node_id), node.sequence_id) == passed), 0)
     return nodes[row : row + MOST_NODES]
 
 
@@ -129,7 +136,7 @@ def swapped(
     known: tuple[Order, ...], outdated: Order | None, state: StateMessage
 ) -> tuple[tuple[Order, ...], Order | None]:
     """The last two orders and the outdated one, which change places if the robot's state names the outdated one."""
-    named = state.order_id or "", state.order_update_id
+    named = plain_id(state.order_id or ""), state.order_update_id
     if outdated is None or named != (outdated.order_id, outdated.update_id):
         return known, outdated
     before = next((order for order in known if order.order_id == outdated.order_id), None)
@@ -174,7 +181,7 @@ def numbered_states(
     odd: NodeState | None = None
     for state in states:
         number = state.sequence_id
-        if odd is None and (number not in nodes or nodes[number].node_id != state.node_id):
+        if odd is None and (number not in nodes or nodes[number].node_id != plain_id(state.node_id)):
             odd = state
         by_sequence.append((number, state))
     numbered = _by_node_id(states, order) if order and odd else None
@@ -192,7 +199,8 @@ def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, No
     numbered = []
     numbers = iter(reversed(order.nodes))
     for state in reversed(states):
-        found = next((number for number in numbers if order.nodes[number].node_id == state.node_id), None)
+        node_id = plain_id(state.node_id)
+        found = next((number for number in numbers if order.nodes[number].node_id == node_id), None)
         if found is None:
             return None
         numbered.append((found, state))
@@ -201,7 +209,7 @@ def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, No
 
 def _node(node: VdaNode) -> OrderNode:
     stops = tuple(action.action_id for action in node.actions or () if action.blocking_type in DRIVING_STOPS)
-    return OrderNode(node.released is not False, on_earth(node.node_position), stops, node.node_id)
+    return OrderNode(node.released is not False, on_earth(node.node_position), stops, plain_id(node.node_id))
 
 
 def is_released(state: NodeState, ordered: OrderNode | None) -> bool:

@@ -27,7 +27,8 @@ def renumbered(parts: Parts, number_of: Numbering) -> Parts:
 
 
 def path_by(nodes: Parts, edges: Parts, states: Parts, last: int, **keys: Any) -> Status:
-    report = under_way(T, 0.5, 0.0, [], nodeStates=states, lastNodeId="n0", lastNodeSequenceId=last, **keys)
+    named = {"nodeStates": states, "lastNodeId": "n0", "lastNodeSequenceId": last} | keys
+    report = under_way(T, 0.5, 0.0, [], **named)
     return Listener().status_after(("order", order(T - 1, nodes, edges)), ("state", report))
 
 
@@ -107,3 +108,11 @@ def test_of_an_order_beyond_the_limit_the_part_from_the_robot_on_is_kept() -> No
     assert listener.hears("order", order(T - 1, nodes)).findings == ("order-too-long",)
     status = listener.status_after(("state", under_way(T, 6999.0, 0.0, nodes[3500:])))
     assert [round(x) for _, x, _, _ in status.path.poses[:2]] == [7000, 7002]
+
+
+def test_ids_that_differ_in_case_and_outer_spaces_are_the_same() -> None:
+    nodes = [node(0, 0.0), node(1, 4.0), node(2, 9.0)]
+    states = [{**each, "nodeId": f" {each['nodeId'].upper()}"} for each in states_of(nodes[1:])]
+    status = path_by(nodes, [], states, 0, orderId="O1 ", lastNodeId="N0")
+    assert [x for _, x, _, _ in status.path.poses] == [4.0, 9.0]
+    assert status.findings == ()
