@@ -29,6 +29,7 @@ from ingest.languages.vda5050.vda_messages import (
     FactsheetMessage,
     Header,
     OrderMessage,
+    Position,
     StateMessage,
     VdaMotion,
 )
@@ -212,12 +213,26 @@ def _read_motion(
     elif memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
         findings["stamp-not-increasing"] = None
     else:
+        signed_off = memory.heard.get("connection")
+        if not (signed_off and stamp.t_s <= signed_off.stamp_s):
+            changes |= {"connection": "ONLINE"}
+        if not isinstance(message, StateMessage):
+            position = _on_last_map(position, memory, findings)
         path, plan = newest_plans(changes["plans"], message, topic.kind, stamp.t_s)
         pose = VdaPose(own_stamp, position, message.velocity, path, plan)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
+
+
+def _on_last_map(position: Position, memory: VdaMemory, findings: Findings) -> Position:
+    """The position of a visualization. One that names no map is on the robot's last one."""
+    last = memory.pose.position.map_id if memory.pose else None
+    if position.map_id or not last:
+        return position
+    findings.note("map-missing", f"{position.key}.mapId", position.map_id, "the last one")
+    return msgspec.structs.replace(position, map_id=last)
 
 
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:

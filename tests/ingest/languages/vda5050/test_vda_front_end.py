@@ -216,3 +216,11 @@ def test_a_planned_path_lasts_as_long_as_states_may_be_apart() -> None:
     for seconds, is_planned in ((1.0, True), (34.0, True), (36.0, False)):
         later = listener.status_after(("visualization", visualization(T + seconds, 1.0, 0.0)))
         assert (later.path is not NO_PATH) == is_planned
+
+
+def test_a_visualization_without_a_map_is_on_the_last_one() -> None:
+    nameless = visualization(T + 1, 1.0, 0.0).replace(b'"mapId": "hall", ', b"")
+    assert Listener().status_after(("visualization", nameless)).datum == ""
+    read = Listener().status_after(("state", state(T)), ("visualization", nameless))
+    assert (read.x, read.datum, read.findings) == (1.0, "hall", ("map-missing",))
+    assert read.oddities[0].reading == "the last one"

@@ -10,7 +10,7 @@ from ingest.languages.model import Status
 from ingest.languages.timestamps import write
 from ingest.sizes.size_limit import Rectangle
 from ingest.sizes.stated_loads import NO_LOADS, LoadBox, read_loads
-from tests.helpers.vda_saying import node, node_states, order, position, state, state_3, vda
+from tests.helpers.vda_saying import node, node_states, order, position, state, state_3, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 RUNNING = [{"actionId": "a", "actionStatus": "RUNNING"}]
@@ -63,6 +63,16 @@ def test_a_robot_that_signs_off_is_offline_and_one_that_is_cut_off_keeps_its_sta
     goodbye = ("connection", vda(T + 1, connectionState=connection))
     assert Listener().status_after(("state", state(T)), goodbye).state == expected
     assert Listener().status_after(("state", state(T)), goodbye, ("state", state(T + 2))).state == "idle"
+
+
+def test_a_robot_whose_poses_go_on_after_its_goodbye_is_online() -> None:
+    goodbye = ("connection", vda(T + 1, connectionState="OFFLINE"))
+    listener = Listener()
+    assert listener.status_after(("state", state(T)), goodbye).state == "offline"
+    assert listener.status_after(("visualization", visualization(T + 0.5, 1.0, 0.0))).state == "offline"
+    assert listener.status_after(("visualization", visualization(T + 2, 1.0, 0.0))).state == "idle"
+    unstamped = visualization(T, 1.0, 0.0, timestamp="soon")
+    assert Listener().status_after(("state", state(T)), goodbye, ("visualization", unstamped)).state == "idle"
 
 
 @pytest.mark.parametrize(("ordered", "expected"), [(None, True), (True, True), (False, False), ("absent", True)])
