@@ -7,7 +7,7 @@ old to show any motion. A status that is late is no exception: a service that is
 `forecast_repeat` is long because it has thirteen arguments, each on its own line.
 """
 
-from math import atan2, ceil, cos, inf, isnan, pi, sin
+from math import atan2, ceil, cos, hypot, inf, isnan, pi, sin
 from typing import Any
 
 import numpy as np
@@ -48,13 +48,18 @@ LIMITS = np.dtype(
         ("comparable_s", np.float64),  # `plausibility.COMPARABLE_S`
         ("observable_s", np.float64),  # `plausibility.OBSERVABLE_S`
         ("stands_mps", np.float64),  # `assumed_motion.MOVING_MPS`
-        ("turns_radps", np.float64),  # `pace.TURNS_RADPS`
+        ("turns_radps", np.float64),  # `assumed_motion.TURNS_RADPS`
         ("drives_mps", np.float64),  # `assumed_motion.DRIVES_MPS`
         ("moved_m", np.float64),  # `plausibility.MOVED_M`
         ("robot_jump_mps", np.float64),  # `ownership_claims.JUMP_MPS`
         ("robot_jump_s", np.float64),  # `ownership_claims.JUMP_S`
         ("max_turn_radps", np.float64),  # `plausibility.MAX_TURN_RADPS`
         ("slow_turn_rad", np.float64),  # `plausibility.SLOW_TURN_RAD`
+        ("turned_rad", np.float64),  # `plausibility.TURNED_RAD`
+        ("drift_rad", np.float64),  # `plausibility.DRIFT_RAD`
+        ("corner_rad", np.float64),  # `plausibility.CORNER_RAD`
+        ("least_as_moved", np.float64),  # `plausibility.SPEED_AS_MOVED`
+        ("most_as_moved", np.float64),
     ]
 )
 """The robot's facts and the limits of the rules that the kernel needs, all of one type.
@@ -158,12 +163,31 @@ def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, 
     observed_rad, reported_rad = _turn_between(before[3], now[3]), turn_radps * gap_s
     if turn_radps != 0.0 and not abs(reported_rad - observed_rad) <= limits.slow_turn_rad + abs(reported_rad) / 2:
         return False
+    if abs(reported_rad - observed_rad) > limits.turned_rad and abs(observed_rad) < abs(reported_rad) / 2:
+        return False
     if moved2 < limits.moved_m * limits.moved_m * NEARLY:
         return True
-    if abs(speed_mps) <= limits.stands_mps:
-        return False
-    off_heading_rad = abs(_turn_between(now[3], atan2(dy, dx)))
-    return bool(off_heading_rad <= pi / 4 or (off_heading_rad >= 3 * pi / 4 and speed_mps < 0.0))
+    return abs(speed_mps) > limits.stands_mps and _is_along(before, now, speed_mps, limits)
+
+
+@inner
+def _turned_on_spot(before: Pose, now: Pose, limits: Limits) -> bool:
+    """Whether the robot may have turned and not moved, as far as headings and positions show."""
+    turned_rad, moved_m = abs(_turn_between(before[3], now[3])), hypot(now[1] - before[1], now[2] - before[2])
+    return bool(turned_rad > limits.turned_rad and moved_m * NEARLY <= limits.moved_m)
+
+
+@inner
+def _is_along(before: Pose, now: Pose, speed_mps: float, limits: Limits) -> bool:
+    """Whether a move certainly is along the heading, and the sign of the speed is right."""
+    dx, dy, turned_rad = now[1] - before[1], now[2] - before[2], _turn_between(before[3], now[3])
+    travel_rad, moved_m, drives_rad = atan2(dy, dx), hypot(dx, dy), now[3] + (0.0 if speed_mps > 0.0 else pi)
+    drift_rad = abs(_turn_between(drives_rad - turned_rad / 2, travel_rad))
+    drifts = drift_rad > limits.drift_rad and moved_m * drift_rad > limits.moved_m
+    stated_m = abs(speed_mps) * (now[0] - before[0])
+    is_as_fast = limits.least_as_moved * moved_m <= stated_m <= limits.most_as_moved * moved_m
+    drifts &= abs(turned_rad) <= limits.corner_rad and is_as_fast
+    return bool(abs(_turn_between(drives_rad, travel_rad)) <= pi / 4 and not drifts)
 
 
 @inner
@@ -234,6 +258,7 @@ def forecast_repeat(
     loaded = not isnan(scanned[2, 2]) and scanned[2, 2] != 100.0
     turns_on_spot = abs(speed_mps) <= limits.drives_mps and abs(turn_radps) > limits.turns_radps
     is_same = loaded == (limits.loaded != 0.0) and not turns_on_spot
+    is_same &= not (isnan(scanned[1, 2]) and _turned_on_spot(before, here, limits))
     if is_same and _is_plausible(before, here, speed_mps, turn_radps, limits):
         if limits.basis == BY_VELOCITY:
             knots = _by_velocity(here, speed_mps, turn_radps, event_s - before_s, limits, rows)

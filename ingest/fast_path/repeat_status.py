@@ -22,11 +22,11 @@ from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import is_out_of_reach
-from ingest.fleet.prediction.pace import SPACED_S, TURNS_RADPS
+from ingest.fleet.prediction.pace import SPACED_S
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
-from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS, TURNS_RADPS
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
@@ -189,6 +189,10 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         ownership_claims.JUMP_S,
         plausibility.MAX_TURN_RADPS,
         plausibility.SLOW_TURN_RAD,
+        plausibility.TURNED_RAD,
+        plausibility.DRIFT_RAD,
+        plausibility.CORNER_RAD,
+        *plausibility.SPEED_AS_MOVED,
     )
 
 

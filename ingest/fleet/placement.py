@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from math import hypot, isfinite, isinf, isnan
+from math import hypot, isfinite, isinf, isnan, nan
 
 from msgspec.structs import replace
 
@@ -102,7 +102,7 @@ class Placement:
         """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate."""
         frame, floor = self._floors.of(robot.vendor, status.datum)
         x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
-        turn_radps = status.turn_rad_per_s or 0.0
+        turn_radps = nan if status.turn_rad_per_s is None else status.turn_rad_per_s
         sideways_rad = 0.0 if isnan(yaw_rad) else status.sideways_rad
         if frame.mirrored and (turn_radps or sideways_rad):
             turn_radps, sideways_rad = 0.0 - turn_radps, 0.0 - sideways_rad
@@ -120,8 +120,10 @@ class Placement:
         last = robot.seen
         robot.before = before or robot.before
         robot.seen, findings = plausibility.reconcile(before, sighting)
-        if status.is_blocked and not robot.was_blocked:  # it may be coming to a stop
-            robot.seen = replace(robot.seen, is_driving=False)
+        may_stop = status.is_blocked and not robot.was_blocked
+        is_gone = status.state == "offline" and last is not None and sighting.t_s == last.t_s
+        if may_stop or is_gone:
+            robot.seen = replace(robot.seen, is_driving=False, turned_rad=0.0)
         robot.was_blocked = status.is_blocked
         robot.pace.observe(robot.seen)
         robot.pace.kind = None

@@ -32,7 +32,7 @@ from ingest.fleet.prediction.forecast_model import (
     Route,
     Sighting,
 )
-from ingest.fleet.prediction.pace import LEAST_SPEED, TURNS_RADPS, Paces, allowance
+from ingest.fleet.prediction.pace import LEAST_SPEED, Paces, allowance
 from ingest.fleet.prediction.path_forecast import knot_at, on_floors, route_by_path
 from ingest.fleet.prediction.plausibility import REGULAR_S
 from ingest.fleet.prediction.way_on import (
@@ -46,7 +46,7 @@ from ingest.fleet.prediction.way_on import (
     lets_stand,
     way_on,
 )
-from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
+from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS, TURNS_RADPS
 from ingest.languages.model import Status
 
 NO_LETTERS = re.compile(r"[\W_]+")
@@ -104,11 +104,11 @@ class _Route(NamedTuple):
 
     def chosen(self) -> tuple[Basis, Route]:
         status, here = self.status, self.here
-        drives = here.is_driving and status.state != "offline"
+        drives = here.is_driving or here.is_turning
         has_error = matches(status.error_codes, self.context.reading.blocking_errors)
         if drives or not (status.is_blocked or has_error):
             if status.state == "manualOverride":
-                if here.linear_mps and not isnan(here.yaw_rad):
+                if (here.linear_mps or here.is_turning) and not isnan(here.yaw_rad):
                     return Basis.VELOCITY, self._by_velocity()
             elif status.state == "navigating" or (drives and self._is_overruled()):
                 return self._navigating()
@@ -122,7 +122,7 @@ class _Route(NamedTuple):
         Without a stated speed it must have had this state before it moved: a robot that has just arrived moved, too.
         """
         states_speed = self.status.linear_mps is not None
-        return states_speed or not self.status.known_state or self.here.moves_anyway
+        return states_speed or not self.status.known_state or self.here.moves_anyway or self.here.is_turning
 
     def _navigating(self) -> tuple[Basis, Route]:
         status, here = self.status, self.here

@@ -1,7 +1,7 @@
 """What a forecast is made from and what it is made of."""
 
 from collections.abc import Sequence
-from math import inf
+from math import copysign, inf
 from typing import Protocol
 
 import msgspec
@@ -9,6 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from ingest.batch import Basis, Floats
+from ingest.frames.assumed_motion import TURNS_RADPS
 from ingest.frames.frame_registry import Frame
 from ingest.settings import Envelope, Model, Reading
 from ingest.shapes import Shape, ShapePart, Trailer
@@ -72,7 +73,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Speed along the heading, or in the direction of `sideways_rad`, negative backwards; None if neither sent nor
     observed."""
     turn_radps: float = 0.0
-    """Turn rate, anticlockwise positive."""
+    """Turn rate, anticlockwise positive; nan if it was not sent, until it is compared with the sighting before."""
     clock_offset_s: float = 0.0
     """The robot's stamps plus this are service time."""
     interval_s: float = 0.0
@@ -89,6 +90,18 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Whether it drives and has moved since the sighting before, which has the same state."""
     sideways_rad: float = 0.0
     """From the heading to the direction in which it drives; 0 for a robot that drives along its heading."""
+    drift_rad: float = 0.0
+    """From the direction of its speed, as sent, to that of the move since the sighting before; 0 if they agree."""
+    turned_rad: float = 0.0
+    """How far it turned since the sighting before, if that is near in time."""
+    unturned_rad: float = 0.0
+    """How far its turn rates would have turned it beyond its headings, in the sightings up to this that lag behind."""
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether it turns by its turn rate and by its headings."""
+        turned_rad = copysign(self.turned_rad, self.turned_rad * self.turn_radps)
+        return abs(self.turn_radps) > TURNS_RADPS and turned_rad > TURNS_RADPS * self.interval_s
 
     @property
     def way_rad(self) -> float:

@@ -11,12 +11,10 @@ from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Knot, Sighting
 from ingest.frames.angles import turn_between
-from ingest.frames.assumed_motion import ASSUMED_MPS, ASSUMED_TURN_RADPS, DRIVES_MPS
+from ingest.frames.assumed_motion import ASSUMED_MPS, ASSUMED_TURN_RADPS, DRIVES_MPS, TURNS_RADPS
 
 SPEEDS_UP_MPS2 = 1.0
 """How quickly robots are assumed to start and to brake."""
-TURNS_RADPS = 0.05
-"""A robot that does not drive, but turns faster, turns on the spot."""
 OBSERVED_S = 5.0
 """A robot's own speeds count once they were seen for so long; turn rates for `TURNED_S`."""
 TURNED_S = 2.0

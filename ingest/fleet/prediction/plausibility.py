@@ -30,6 +30,14 @@ MAX_TURN_RADPS = 2.0
 """No robot turns faster."""
 SLOW_TURN_RAD = 0.5
 """The turn between two headings may differ from the turn rate by this, plus half of what the turn rate gives."""
+UNTURNED_RAD = 1.0
+"""So far headings may lag behind turn rates in all, while they turn by less than half of what these give."""
+TURNED_RAD = 0.2
+"""A turn by so much shows a turn rate despite the noise of headings."""
+DRIFT_RAD = 0.25
+"""A move this far off the heading, twice, shows in which direction a robot drives despite the noise of positions."""
+SPEED_AS_MOVED = 0.5, 1.5
+"""A speed between these shares of the observed one is that of the move."""
 
 
 def frequency(gap_s: float, quiet_after_s: float) -> tuple[str, ...]:
@@ -50,9 +58,12 @@ def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[s
 
     An unknown heading becomes the direction of travel, or the heading before if the robot has not moved. A speed that
     was not sent becomes the observed one, as does one that says twice that the robot stands while it moves. A speed
-    without sign gets the sign of the motion. A turn rate that contradicts the headings becomes 0.
+    without sign gets the sign of the motion, and the direction of two moves. A turn rate that contradicts the headings
+    becomes 0; one that was not sent becomes the observed one of a robot that stands.
     """
     findings: tuple[str, ...] = ()
+    if isnan(now.turn_radps):
+        now = replace(now, turn_radps=_observed_turn_radps(before, now))
     if abs(now.turn_radps) > MAX_TURN_RADPS:
         now, findings = replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
     gap_s = now.t_s - before.t_s if before and before.floor == now.floor else 0.0
@@ -75,7 +86,25 @@ def in_motion(before: Sighting, now: Sighting) -> Sighting:
     moves_anyway = is_driving and moved_m > MOVED_M and now.state == before.state
     has_moved = is_driving or moved_m > max(MOVED_M, DRIVES_MPS * gap_s)
     standing_s = 0.0 if has_moved or now.state != before.state else before.standing_s + gap_s
-    return replace(now, is_driving=is_driving, moves_anyway=moves_anyway, interval_s=gap_s, standing_s=standing_s)
+    is_headed = gap_s <= COMPARABLE_S and not (isnan(before.yaw_rad) or isnan(now.yaw_rad))
+    turned_rad = turn_between(before.yaw_rad, now.yaw_rad) if is_headed else 0.0
+    return replace(
+        now,
+        is_driving=is_driving,
+        moves_anyway=moves_anyway,
+        interval_s=gap_s,
+        standing_s=standing_s,
+        turned_rad=turned_rad,
+    )
+
+
+def _observed_turn_radps(before: Sighting | None, now: Sighting) -> float:
+    """The turn rate by the headings of a robot that stands; 0.0 for any other."""
+    if before is None or before.floor != now.floor or not 0.0 < now.t_s - before.t_s <= COMPARABLE_S:
+        return 0.0
+    turned_rad = turn_between(before.yaw_rad, now.yaw_rad)
+    stands = hypot(now.x_m - before.x_m, now.y_m - before.y_m) <= MOVED_M
+    return turned_rad / (now.t_s - before.t_s) if stands and abs(turned_rad) > TURNED_RAD else 0.0
 
 
 def _is_fast(sighting: Sighting) -> bool:
@@ -104,20 +133,17 @@ def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
     if moved_m > MOVED_M and gap_s <= COMPARABLE_S and _is_across(sideways_rad) and not has_turned:
         return replace(now, linear_mps=moved_m / gap_s, sideways_rad=sideways_rad)
     along_m = dx * cos(now.yaw_rad) + dy * sin(now.yaw_rad) if not isnan(now.yaw_rad) else moved_m
+    whole = replace(now, linear_mps=copysign(moved_m, along_m) / gap_s)
     if gap_s > COMPARABLE_S:
-        along_m = copysign(moved_m, along_m)  # it may have turned on the way
-    return replace(now, linear_mps=along_m / gap_s)
+        return whole  # it may have turned on the way
+    drifting = _with_drift(before, whole, gap_s)
+    return drifting if drifting.sideways_rad else replace(drifting, linear_mps=along_m / gap_s)
 
 
 def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, tuple[str, ...]]:
     """The same for two sightings near in time, which also show what contradicts the motion."""
-    findings: tuple[str, ...] = ()
+    now, findings = _with_turn(before, now, gap_s)
     moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
-    if not (isnan(now.yaw_rad) or isnan(before.yaw_rad)):
-        observed_rad, reported_rad = turn_between(before.yaw_rad, now.yaw_rad), now.turn_radps * gap_s
-        if abs(reported_rad - observed_rad) > SLOW_TURN_RAD + abs(reported_rad) / 2:
-            findings += ("turn-rate-contradicts-motion",) if now.turn_radps else ()
-            now = replace(now, turn_radps=0.0)
     stands_twice = _stands(now) and (_stands(before) or before.is_overruled)
     if stands_twice and moved_m > max(MOVED_M, DRIVES_MPS * gap_s):
         now, findings = replace(now, linear_mps=None, is_overruled=True), (*findings, "speed-contradicts-motion")
@@ -129,16 +155,42 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
     if now.sideways_rad and abs(turn_between(now.way_rad, travel_rad)) > pi / 4:
         without_speed = replace(now, linear_mps=None, sideways_rad=0.0)
         return _observed(before, without_speed, gap_s), (*findings, "heading-contradicts-motion")
-    return _with_sign(now, now.linear_mps, travel_rad, findings)
-
-
-def _with_sign(
-    now: Sighting, linear_mps: float, travel_rad: float, findings: tuple[str, ...]
-) -> tuple[Sighting, tuple[str, ...]]:
-    """`now` with a negative speed if it travels backwards, and the deviations."""
     off_heading_rad = turn_between(now.way_rad, travel_rad)
-    if linear_mps > 0 and abs(off_heading_rad) > 3 * pi / 4:
-        return replace(now, linear_mps=-linear_mps), (*findings, "speed-sign-lost")
-    if _is_across(off_heading_rad):
-        return now, (*findings, "heading-contradicts-motion")
-    return now, findings
+    if now.linear_mps > 0 and abs(off_heading_rad) > 3 * pi / 4:
+        now, findings = replace(now, linear_mps=-now.linear_mps), (*findings, "speed-sign-lost")
+    drifting = _with_drift(before, now, gap_s)
+    if _is_across(off_heading_rad) or drifting.sideways_rad != now.sideways_rad:
+        findings += ("heading-contradicts-motion",)
+    return drifting, findings
+
+
+def _with_turn(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, tuple[str, ...]]:
+    """`now` without a turn rate that the headings contradict, and the deviations."""
+    if isnan(now.yaw_rad) or isnan(before.yaw_rad) or not now.turn_radps:
+        return now, ()
+    observed_rad, reported_rad = turn_between(before.yaw_rad, now.yaw_rad), now.turn_radps * gap_s
+    lag_rad = reported_rad - observed_rad
+    lags = abs(lag_rad) > TURNED_RAD and abs(observed_rad) < abs(reported_rad) / 2
+    unturned_rad = before.unturned_rad + lag_rad if lags else 0.0
+    if unturned_rad:
+        now = replace(now, unturned_rad=unturned_rad)
+    if abs(lag_rad) > SLOW_TURN_RAD + abs(reported_rad) / 2 or abs(unturned_rad) > UNTURNED_RAD:
+        return replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
+    return now, ()
+
+
+def _with_drift(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
+    """`now` with the direction in which it moves, if it moves as fast as its speed says, and off its heading as it did
+    before. A robot on an arc moves along the middle of its headings."""
+    dx, dy, turned_rad = now.x_m - before.x_m, now.y_m - before.y_m, turn_between(before.yaw_rad, now.yaw_rad)
+    moved_m, speed_mps = hypot(dx, dy), now.linear_mps or 0.0
+    least, most = SPEED_AS_MOVED
+    if not (abs(turned_rad) <= CORNER_RAD and least * moved_m <= abs(speed_mps) * gap_s <= most * moved_m):
+        return now
+    drives_rad = now.way_rad - turned_rad / 2 + (0.0 if speed_mps > 0.0 else pi)
+    drift_rad = turn_between(drives_rad, atan2(dy, dx))
+    if abs(drift_rad) <= DRIFT_RAD or moved_m * abs(drift_rad) <= MOVED_M:
+        return now
+    drifts_again = before.drift_rad != 0.0 and abs(turn_between(before.drift_rad, drift_rad)) <= DRIFT_RAD
+    sideways_rad = now.sideways_rad + drift_rad if drifts_again else now.sideways_rad
+    return replace(now, drift_rad=drift_rad, sideways_rad=sideways_rad)

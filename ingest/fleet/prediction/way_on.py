@@ -21,6 +21,8 @@ THERE_M = 0.5
 """A robot this near to a destination is there. It drives on straight if it is this far beside its way or nearer."""
 TURNS_RAD = 0.1
 """A robot whose last piece is a turn of more than this is not at its stop."""
+LASTING_S = 0.9
+"""A speed shows on parts of a route that last so long, whatever the noise of its points."""
 SLOWING = 0.9
 """A robot whose speed falls to less than this share on the last piece slows down."""
 AWAY_M = 0.1
@@ -41,14 +43,14 @@ def end_of(knots: Sequence[Knot], now_mps: float, destination: Knot | None) -> E
     """The direction and speed with which a robot goes on after a route. None if the route says that it stops there.
 
     A robot that turns on the spot at the end of its route goes on in the direction that it turns to. One that is not
-    slowing down goes on at the greatest speed of the route, and at least at its speed now.
+    slowing down goes on at the greatest speed of the route behind its first part, and at least at its speed now.
     """
     _, x, y, yaw_rad = knots[-1]
     if destination is not None and hypot(destination[1] - x, destination[2] - y) <= THERE_M:
         return None
-    speeds = [_speed(before, after) for before, after in pairwise(knots)]
-    cruise_mps = max(*speeds, now_mps)
-    if speeds[-1] < STOPS_MPS:
+    speeds = _lasting_speeds(knots)
+    cruise_mps = max(*(speeds[1:] or speeds), now_mps)
+    if _speed(knots[-2:]) < STOPS_MPS:
         turned_rad = turn_between(knots[-2][3], yaw_rad)
         backwards = pi if _is_backwards(knots) else 0.0
         return End(yaw_rad + backwards, cruise_mps) if abs(turned_rad) > TURNS_RAD and cruise_mps > STOPS_MPS else None
@@ -57,8 +59,21 @@ def end_of(knots: Sequence[Knot], now_mps: float, destination: Knot | None) -> E
     return End(direction_rad, speeds[-1] if is_slowing else cruise_mps)
 
 
-def _speed(before: Knot, after: Knot) -> float:
-    return hypot(after[1] - before[1], after[2] - before[2]) / max(after[0] - before[0], LEAST_STEP_S)
+def _lasting_speeds(knots: Sequence[Knot]) -> list[float]:
+    """The speeds on the parts of a route that last for `LASTING_S`. The first has the leg from where the robot is to
+    where its path begins, and what else is left: it shows how far these are apart."""
+    parts, end = list[float](), len(knots) - 1
+    for begin in range(len(knots) - 2, -1, -1):
+        if begin == 0 or knots[end][0] - knots[begin][0] >= LASTING_S:
+            parts.append(_speed(knots[begin : end + 1]))
+            end = begin
+    return parts[::-1]
+
+
+def _speed(knots: Sequence[Knot]) -> float:
+    """The mean speed on a part of a route."""
+    length_m = sum(hypot(after[1] - before[1], after[2] - before[2]) for before, after in pairwise(knots))
+    return length_m / max(knots[-1][0] - knots[0][0], LEAST_STEP_S)
 
 
 def _is_backwards(knots: Sequence[Knot]) -> bool:

@@ -238,7 +238,7 @@ def test_batches_documents_and_measures_are_the_same_with_and_without_the_fast_p
     messages = list(sent(seed, 400))
     for fast, slow in zip(results(messages, fast=True), results(messages, fast=False), strict=True):
         assert fast == slow
-    assert 0.12 * len(messages) < sum(repeats) < len(repeats) - 100
+    assert 0.11 * len(messages) < sum(repeats) < len(repeats) - 100
 
 
 @pytest.mark.parametrize("horizon_s", HORIZONS_S)

@@ -1,6 +1,7 @@
 """Forecasts follow what robots do: their pace, turns on the spot, and the way beyond a short path."""
 
 import json
+from collections.abc import Callable
 from itertools import pairwise
 from math import atan2, cos, hypot, pi, sin
 from typing import Any
@@ -15,13 +16,15 @@ from ingest.fleet.prediction.forecast_model import Forecast, Sighting
 from ingest.fleet.prediction.pace import CORNER, Pace, Paces
 from ingest.fleet.robot import Robot
 from ingest.settings import Datum
-from tests.helpers.iso_saying import CCS, identity, odometry, trajectory
+from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
+Pose = tuple[float, float, float]
+"""x_m, y_m, yaw_rad"""
 LIMIT = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": 2.0}}
 
 
@@ -489,8 +492,7 @@ def test_a_robot_that_drives_sideways_is_foreseen_where_it_goes_with_its_nose_wh
     (robot,) = of.robots.values()
     is_wrong = stated is not None and not stated["vy"]
     assert ("heading-contradicts-motion" in robot.deviations) is is_wrong
-    if not is_wrong:
-        assert at(robot.forecast, NOW_S + 7) == pytest.approx((-5.6 * sin(theta), 5.6 * cos(theta), theta), abs=0.2)
+    assert at(robot.forecast, NOW_S + 7) == pytest.approx((-5.6 * sin(theta), 5.6 * cos(theta), theta), abs=0.2)
 
 
 def test_a_velocity_in_the_frame_of_the_map_counts_as_the_robot_moves() -> None:
@@ -513,3 +515,129 @@ def test_a_robot_that_turned_a_corner_between_two_reports_does_not_drive_sideway
     x, y, _ = at(robot.forecast, NOW_S + 7)
     assert x == pytest.approx(1.0)
     assert y > 0.3
+
+
+def reported(
+    of: Fleet, seconds: float, place: Callable[[float], Pose], hertz: float = 1.0, **keys: Any
+) -> tuple[Robot, float]:
+    """A robot that reports for some seconds where it is, and when it did last."""
+    for report in range(round(seconds * hertz) + 1):
+        now_s = NOW_S + report / hertz
+        of.receive(status("A", now_s, *place(now_s - NOW_S), **keys), now_s, LINE)
+    return of.robots[robot("A")], now_s
+
+
+@pytest.mark.parametrize("mps", [1.0, -1.0])
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 5.0])
+@pytest.mark.parametrize("off_rad", [-2.0, -0.6, 0.35, 1.2])
+def test_a_robot_that_moves_off_its_heading_as_fast_as_it_says_goes_on_as_it_moves(
+    off_rad: float, hertz: float, mps: float
+) -> None:
+    def place(s: float) -> Pose:
+        return mps * s * cos(0.7 + off_rad), mps * s * sin(0.7 + off_rad), 0.7
+
+    seen, now_s = reported(hall(), 6.0, place, hertz, velocity={"linear": mps}, path=None)
+    assert at(seen.forecast, now_s + 8) == pytest.approx(place(now_s - NOW_S + 8), abs=0.1)
+    assert "heading-contradicts-motion" in seen.deviations
+
+
+@pytest.mark.parametrize("radps", [0.05, 0.2, 0.5])
+def test_a_robot_on_an_arc_or_with_noise_does_not_move_off_its_heading(radps: float) -> None:
+    noise_m = np.random.default_rng(4).normal(0.0, 0.03, (50, 2))
+
+    def place(s: float) -> Pose:
+        x_m, y_m = noise_m[round(s)]
+        return sin(radps * s) / radps + x_m, (1 - cos(radps * s)) / radps + y_m, radps * s
+
+    seen, _ = reported(hall(), 40.0, place, velocity={"linear": 1.0, "angular": angle(radps)})
+    assert seen.seen
+    assert seen.seen.sideways_rad == 0.0
+    assert not {"heading-contradicts-motion", "turn-rate-contradicts-motion"} & set(seen.deviations)
+
+
+def test_one_jump_to_the_side_does_not_turn_a_forecast() -> None:
+    seen, now_s = reported(hall(), 4.0, lambda s: (s, 0.5 if s > 3.5 else 0.0, 0.0), velocity={"linear": 1.0})
+    assert at(seen.forecast, now_s + 8) == pytest.approx((12.0, 0.5, 0.0))
+
+
+@pytest.mark.parametrize("radps", [0.3, -0.6, 0.9])
+@pytest.mark.parametrize("mps", [0.0, 1.0])
+def test_a_turn_rate_that_headings_do_not_bear_out_in_a_few_reports_is_set_aside(mps: float, radps: float) -> None:
+    keys: dict[str, Any] = {"velocity": {"linear": mps, "angular": angle(radps)}}
+    seen, now_s = reported(hall(), 6.0, lambda s: (mps * s, 0.0, 0.0), **keys)
+    assert at(seen.forecast, now_s + 8) == pytest.approx((14.0 * mps, 0.0, 0.0))
+    assert "turn-rate-contradicts-motion" in seen.deviations
+
+
+def test_a_turn_rate_counts_where_a_turn_begins() -> None:
+    keys: dict[str, Any] = {"velocity": {"linear": 1.0, "angular": angle(0.6)}}
+    seen, now_s = reported(hall(), 1.0, lambda s: (s, 0.0, 0.05 * s), **keys)
+    assert at(seen.forecast, now_s + 5)[2] == pytest.approx(3.05)
+
+
+@pytest.mark.parametrize("state", ["navigating", "idle", "rotating", "manualOverride"])
+@pytest.mark.parametrize("radps", [0.4, -0.4, None])
+def test_a_robot_that_turns_on_the_spot_goes_on_turning_whatever_its_state(radps: float | None, state: str) -> None:
+    """If no turn rate is sent, the headings show it."""
+    if radps is None and state in ("idle", "manualOverride"):
+        velocity: dict[str, Any] | None = {"linear": 0.0}
+    else:
+        velocity = None if radps is None else {"linear": 0.0, "angular": angle(radps)}
+    turns_radps = 0.4 if radps is None else radps
+    seen, now_s = reported(
+        hall(), 3.0, lambda s: (0.0, 0.0, turns_radps * s), velocity=velocity, operationalState=state
+    )
+    turned_rad = at(seen.forecast, now_s + 5)[2] - at(seen.forecast, now_s)[2]
+    assert turned_rad == pytest.approx(5 * turns_radps)
+
+
+@pytest.mark.parametrize("state", ["navigating", "idle"])
+def test_a_robot_that_stands_with_noisy_headings_stands(state: str) -> None:
+    noise_rad = np.random.default_rng(5).normal(0.0, 0.03, 50)
+    seen, _ = reported(hall(), 40.0, lambda s: (0.0, 0.0, noise_rad[round(s)]), velocity=None, operationalState=state)
+    assert seen.forecast
+    assert len(np.unique(np.array(seen.forecast.knots)[:, 3])) == 1
+
+
+def test_a_robot_that_says_it_is_offline_while_it_drives_drives() -> None:
+    seen, now_s = reported(hall(), 3.0, lambda s: (s, 0.0, 0.0), velocity={"linear": 1.0}, operationalState="offline")
+    assert at(seen.forecast, now_s + 5)[0] == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize("resource", ["status", "connection"])
+def test_a_robot_of_a_broker_that_went_offline_drives_once_it_moves_again(resource: str) -> None:
+    of = hall()
+    for s in range(6):
+        if resource == "status":
+            of.receive(odometry(NOW_S + s, float(s), speed=1.0), NOW_S + s, iso_line("odometry"))
+        else:
+            velocity = {"vx": 1.0, "vy": 0.0, "omega": 0.0}
+            raw = vda(NOW_S + s, agvPosition=position(float(s), 0.0), velocity=velocity)
+            of.receive(raw, NOW_S + s, line("visualization"))
+        if s == 2:
+            if resource == "status":
+                of.receive(states(NOW_S + s, "OFFLINE"), NOW_S + s, iso_line("status"))
+            else:
+                of.receive(vda(NOW_S + s, connectionState="OFFLINE"), NOW_S + s, line("connection"))
+            of.next_batch(NOW_S + s)
+            (robot,) = of.robots.values()
+            assert at(robot.forecast, NOW_S + 7)[0] == pytest.approx(2.0)
+    (robot,) = of.robots.values()
+    assert at(robot.forecast, NOW_S + 10)[0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    "first", [(0.1, 0.3), (0.2, 1.0), (1.0, 1.2)], ids=["late by 0.2 m", "far ahead", "late, a second apart"]
+)
+@pytest.mark.parametrize("every_s", [0.1, 1.0])
+def test_a_short_path_goes_on_at_the_speed_of_its_parts_and_not_of_a_gap_before_it(
+    first: tuple[float, float], every_s: float
+) -> None:
+    noise_m = np.random.default_rng(6).normal(0.0, 0.02, 40)
+    begin_s, begin_m = first
+    steps = [step * every_s for step in range(round(3.0 / every_s) + 1)]
+    rows = [(NOW_S + begin_s + s, begin_m + s + noise, 0.0, 0.0) for s, noise in zip(steps, noise_m, strict=False)]
+    of = hall()
+    of.receive(status("A", NOW_S, velocity={"linear": 1.0}, path=points(*rows)), NOW_S, LINE)
+    end_s, end_m = begin_s + steps[-1], begin_m + steps[-1]
+    assert at(of.robots[robot("A")].forecast, NOW_S + 10)[0] == pytest.approx(end_m + 10.0 - end_s, abs=0.4)
