@@ -139,9 +139,9 @@ def drive(
             pass_s = process_time() - began_s
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
-            work = _number_of_pairs(examined), *(getattr(swept, name) for name in SWEPT)
+            work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
             tables = len(engine.foresight.pairs), len(engine.conflicts())
-            found.work.append(Work(pass_s, *work, *tables, near[-1] // STRETCH))
+            found.work.append(Work(pass_s, _number_of_pairs(examined), *work, *tables, near[-1] // STRETCH))
             found.failed = _failure(found, now_s)
             if found.failed:
                 break
