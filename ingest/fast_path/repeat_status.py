@@ -103,6 +103,7 @@ class RepeatReader:
         robot.amounts = scanned.amounts
         robot.before, robot.between, robot.seen = before, None, plausibility.in_motion(before, seen)
         robot.pace.observe(robot.seen)
+        robot.pace.kind = None
         robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
         return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings

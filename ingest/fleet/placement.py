@@ -33,6 +33,8 @@ from ingest.sizes.site_sizes import site_figures
 from ingest.sizes.stated_bodies import BodyReading, read_body
 from ingest.sizes.stated_loads import NO_LOADS, StatedLoad, read_loads
 
+BEGUN_S = 1.0
+"""A path of a robot that sends no stamp may have begun so long ago, for it should be renewed once a second."""
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
 TRAILERS_STRAIGHT_M = 10.0
@@ -99,7 +101,11 @@ class Placement:
         return isinstance(message, Status) and message.datum in self._frames.in_degrees
 
     def sighting(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
-        """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate."""
+        """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate.
+
+        The stamp of a status that sent none is the time at which its path begins. If that is within the horizon, it
+        holds; else the path begins now.
+        """
         frame, floor = self._floors.of(robot.vendor, status.datum)
         x_m, y_m, yaw_rad = frame.pose(status.x, status.y, status.yaw_rad)
         turn_radps = nan if status.turn_rad_per_s is None else status.turn_rad_per_s
@@ -107,6 +113,10 @@ class Placement:
         if frame.mirrored and (turn_radps or sideways_rad):
             turn_radps, sideways_rad = 0.0 - turn_radps, 0.0 - sideways_rad
         offset_s = event_s - status.stamp_s
+        if isinf(status.stamp_resolution_s):
+            ahead_s = robot.clock.offset_s - offset_s
+            is_near = -BEGUN_S <= ahead_s <= self._reading.horizon_s
+            offset_s = robot.clock.offset_s if is_near else offset_s
         motion = status.linear_mps, turn_radps, offset_s
         now = Sighting(event_s, floor, x_m, y_m, yaw_rad, *motion, state=status.state, sideways_rad=sideways_rad)
         return frame, now

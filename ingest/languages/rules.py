@@ -210,6 +210,11 @@ def value_rules(clause: str) -> tuple[Rule, ...]:
         ),
         Rule("value-unreadable", "A value can't be read as what belongs there; left out.", clause),
         Rule("text-not-utf8", "A text has bytes that are no letters in UTF-8; marks stand for them.", clause),
+        Rule(
+            "json-spelling",
+            "Not quite JSON: `+1`, `1.`, `.5`, `01`, `True`, `None`, a comma or NUL at the end, a tab in a text; read.",
+            clause,
+        ),
         Rule("key-absent", "A required key is missing or null; the message is read without it.", clause),
         Rule("key-spelling", "A key is spelt otherwise than in the schema; read as the key that is meant.", clause),
     )

@@ -190,9 +190,9 @@ def _variant(text: str) -> Stamp | None:
 
 
 def _epoch(text: str) -> Stamp | None:
-    """A time since 1970: seconds with a fraction, seconds and nanoseconds, or a whole number of s, ms, us or ns.
+    """A time since 1970: seconds and nanoseconds, or a number of s, ms, us or ns, whose size gives its unit.
 
-    The unit of a whole number follows from its size.
+    It may have a fraction.
     """
     found = _COUNT.fullmatch(text)
     if not found:
@@ -202,7 +202,8 @@ def _epoch(text: str) -> Stamp | None:
     if separator == " ":
         t_s, resolution_s = int(whole) + int(fraction) * 1e-9, _FINEST_S
     elif separator == ".":
-        t_s, resolution_s = float(f"{whole}.{fraction}"), digit_resolution_s(len(fraction))
+        t_s = float(f"{whole}.{fraction}") / 1000**thousandths
+        resolution_s = digit_resolution_s(len(fraction) + 3 * thousandths)
     else:
         t_s, resolution_s = int(whole) / 1000**thousandths, digit_resolution_s(3 * thousandths)
     return Stamp(t_s, resolution_s, ("stamp-epoch",))

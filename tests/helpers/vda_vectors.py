@@ -70,6 +70,7 @@ VECTORS = (
     VdaVector("state", changed(**dict.fromkeys(UNREADABLE, 1.5)), ("value-unreadable", "key-absent")),
     VdaVector("state", changed(batteryState={"batteryCharge": nan, "charging": False}), ("value-unreadable",)),
     VdaVector("state", b"\xef\xbb\xbf" + state(T), ("byte-order-mark",)),
+    VdaVector("state", state(T) + b"\0", ("json-spelling",)),
     VdaVector("state", changed(loads=None), ("null-value",)),
     VdaVector("state", changed(orderId=7), ("text-as-number",)),
     VdaVector("state", changed(agvPosition=position(mapId=3)), ("text-as-number",)),

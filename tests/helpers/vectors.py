@@ -70,7 +70,10 @@ def _rejections() -> Iterator[Vector]:
     yield rejected("too-deep", "an unclosed tower", b"[" * 100_000)
     yield rejected("too-deep", "a tower inside a report", said()[:-1] + b', "a": ' + b"[" * 300 + b"]" * 300 + b"}")
     yield rejected(
-        "not-object", "a list of reports", b"[" + said() + b"]", reason="JSON array; send one JSON object a message"
+        "not-object",
+        "a list of reports",
+        b"[" + said() + b", " + said() + b"]",
+        reason="JSON array; send one JSON object a message",
     )
     yield rejected("not-object", "null", b"null")
     yield known("number-not-finite", "NaN in a location", said(location=here(x=nan)))
@@ -144,6 +147,9 @@ def _who() -> Iterator[Vector]:
 
 def _keys_and_types() -> Iterator[Vector]:
     yield Vector("a byte order mark", b"\xef\xbb\xbf" + said(), ("byte-order-mark",), reads={"x": 1.0})
+    yield Vector("a list of one report", b"[" + said() + b"]", ("single-not-list",), reads={"x": 1.0})
+    tab = said(errorCodes=["a b"]).replace(b"a b", b"a\tb")
+    yield Vector("a tab in a text", tab, ("json-spelling",), reads={"error_codes": ("a b",)})
     yield Vector("a key of its own", said(mood="good"), ("key-unknown",), reads={"x": 1.0})
     yield Vector("a key of its own in an angle", said(location=here(angle=UPRIGHT | {"deg": 0})), ("key-unknown",))
     yield Vector("a key of its own in a point", said(path=[at(T, speed=1.0)]), ("key-unknown",))

@@ -36,7 +36,7 @@ def paced(points: Sequence[Knot], most: Sequence[float], here: Sighting, paces: 
             corners.turn(t_s, turn_s)
         else:
             t_s += corners.leave(x, y, to_x, to_y, speed, t_s)
-            lasted_s, now_mps = _driven_s(length_m, now_mps, speed)
+            lasted_s, now_mps = driven_s(length_m, now_mps, speed)
             t_s += lasted_s
         t_s = max(t_s, (timed[-1][0] if timed else here.t_s) + LEAST_STEP_S)
         timed.append((t_s, to_x, to_y, to_rad))
@@ -61,7 +61,7 @@ def allowances(points: Sequence[Knot], most: Sequence[float], here: Sighting) ->
     return found
 
 
-def _driven_s(length_m: float, from_mps: float, mps: float) -> tuple[float, float]:
+def driven_s(length_m: float, from_mps: float, mps: float) -> tuple[float, float]:
     """How long a robot takes for a straight piece at a pace, and its speed at the end."""
     start_mps = min(from_mps, mps)
     speeding_m = (mps * mps - start_mps * start_mps) / (2 * SPEEDS_UP_MPS2)

@@ -2,15 +2,15 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from itertools import groupby
-from math import hypot, isfinite
+from itertools import groupby, pairwise
+from math import hypot, inf, isfinite
 from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
-from ingest.fleet.prediction.pace import Paces
-from ingest.fleet.prediction.paced_way import paced
+from ingest.fleet.prediction.pace import Paces, allowance
+from ingest.fleet.prediction.paced_way import driven_s, paced
 from ingest.frames.angles import turn_between
-from ingest.frames.assumed_motion import LEAST_STEP_S, MOVING_MPS, SPOT_M
+from ingest.frames.assumed_motion import LEAST_STEP_S, SPOT_M
 from ingest.frames.frame_registry import Frame
 from ingest.languages.model import Path
 
@@ -25,9 +25,9 @@ def route_by_path(
 ) -> Route | None:
     """The route along a path from `here` on, with unknown headings left as nan. None if the path can't be used.
 
-    A path whose times are limits, are past or out of order gets new times by the robot's pace. A path that jumps is
-    used up to the jump. It is used a little beyond the horizon, so that it still reaches it when the next status is
-    late.
+    A path whose times are limits, are past, equal or out of order without a clear meaning gets new times by the robot's
+    pace. A path that jumps is used up to the jump. It is used a little beyond the horizon, so that it still reaches it
+    when the next status is late.
     """
     points: list[Knot] = []
     floors: list[int] = []
@@ -41,12 +41,13 @@ def route_by_path(
     if path.most and len(path.most) == len(points):
         points = paced(points, path.most, here, paces)
         times = [point[0] for point in points]
-    elif times[-1] <= here.t_s or not in_order:
-        retimed = _retimed(points, here, context.body, paces)
-        if retimed is None:
-            return None
-        findings.append("path-retimed")
-        points, times = retimed, [point[0] for point in retimed]
+    else:
+        if not in_order:
+            points, floors, in_order = _in_order(points, floors, here)
+        if points[-1][0] <= here.t_s or not in_order:
+            points = _retimed(points, here, context.body, paces)
+            findings.append("path-retimed")
+        times = [point[0] for point in points]
     ahead = bisect_right(times, here.t_s)
     within = bisect_left(times, here.t_s + context.reading.horizon_s + context.reading.quiet_after_s) + 1
     knots, all_floors = [knot_at(here), *points[ahead:within]], (here.floor, *floors[ahead:within])
@@ -95,17 +96,37 @@ def _placed(poses: Sequence[Knot], frame: Frame, clock_offset_s: float) -> Seque
     return [(t_s + clock_offset_s, x, y, yaw_rad) for t_s, x, y, yaw_rad in poses]
 
 
-def _retimed(points: list[Knot], here: Sighting, body: RobotBody, paces: Paces) -> list[Knot] | None:
-    """The points in the order sent, with times by the robot's speed. None if the speed is not known."""
-    speed_mps = abs(here.linear_mps) if here.linear_mps else body.max_speed_mps
-    if not speed_mps or speed_mps <= MOVING_MPS:
-        return None
+def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[list[Knot], list[int], bool]:
+    """The points and their floors, and whether each is later than the one before.
+
+    If all times differ, apart from those of repeated points, these are left out; the others are sorted if that shortens
+    the way.
+    """
+    sent = list(dict.fromkeys(zip(points, floors, strict=True)))
+    in_order = sorted(sent)
+    differ = all(before[0][0] < after[0][0] for before, after in pairwise(in_order))
+    if differ and (in_order == sent or _length_m(here, in_order) < _length_m(here, sent)):
+        return [point for point, _ in in_order], [floor for _, floor in in_order], True
+    return points, floors, False
+
+
+def _length_m(here: Sighting, placed: list[tuple[Knot, int]]) -> float:
+    places = [(here.x_m, here.y_m), *((x, y) for (_, x, y, _), _ in placed)]
+    return sum(hypot(x - last_x, y - last_y) for (last_x, last_y), (x, y) in pairwise(places))
+
+
+def _retimed(points: list[Knot], here: Sighting, body: RobotBody, paces: Paces) -> list[Knot]:
+    """The points in the order sent, with times by the robot's pace. It starts at its present speed."""
+    allowed = allowance(body.max_speed_mps or inf)
+    paces.pace.kind = allowed.kind
+    mps, now_mps = paces.of(allowed), abs(here.linear_mps) if here.linear_mps is not None else inf
     retimed: list[Knot] = []
     t_s, last_x, last_y, last_rad = knot_at(here)
     for _, x, y, yaw_rad in points:
         length_m = hypot(x - last_x, y - last_y)
+        lasted_s, now_mps = driven_s(length_m, now_mps, mps)
         turn_rad = abs(turn_between(last_rad, yaw_rad)) if length_m < SPOT_M else 0.0
-        t_s += max(length_m / speed_mps, turn_rad / paces.turn_radps if turn_rad > 0.0 else 0.0, LEAST_STEP_S)
+        t_s += max(lasted_s, turn_rad / paces.turn_radps if turn_rad > 0.0 else 0.0, LEAST_STEP_S)
         retimed.append((t_s, x, y, yaw_rad))
         last_x, last_y, last_rad = x, y, yaw_rad
     return retimed

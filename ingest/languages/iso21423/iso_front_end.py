@@ -45,7 +45,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.heard import message_after
+from ingest.languages.tolerance.heard import heard_after
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_required, stamp_of, time_of
 
 PREFIXES = ("/ISO_21423/v1",)
@@ -135,20 +135,11 @@ def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -
     if "key-spelling" in findings and resource not in memory.respelt:
         memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
-    last = memory.heard.get(resource) if stamp.is_known else None
-    heard = message_after(last, raw, time_of(stamp))
-    if last and last.is_repeated_by(heard):
-        findings["message-repeated"] = None
-        return update_of(topic.sender.uuid, findings), memory
-    if last and last.is_newer_than(heard):
-        findings["message-reordered"] = None
-        kept = memory.heard | {resource: last.after_older(heard)}
-        return update_of(topic.sender.uuid, findings), replace(memory, heard=kept)
-    if stamp.is_known:
+    heard, stamp, is_used = heard_after(memory.heard.get(resource), message, stamp, findings)
+    if heard:
         memory = replace(memory, heard=memory.heard | {resource: heard})
-    if last and last.has_header_of(heard):
-        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
-        stamp = timestamps.NO_STAMP
+    if not is_used:
+        return update_of(topic.sender.uuid, findings), memory
     if isinstance(message, OdometryMessage):
         return _read_odometry(message, topic.sender.uuid, stamp, memory, findings)
     if isinstance(message, IdentityMessage | FootprintMessage):
@@ -211,7 +202,8 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
         case BatteryMessage(battery_soc=charge) if charge is not None:
             if not 0.0 <= charge <= 1.0:
                 findings["battery-out-of-range"] = None
-            return replace(memory, battery_pct=100.0 * min(max(charge, 0.0), 1.0))
+            battery_pct = charge if charge > 1.0 else 100.0 * charge
+            return replace(memory, battery_pct=min(max(battery_pct, 0.0), 100.0))
     return memory
 
 

@@ -51,7 +51,7 @@ _WHO = (
 )
 _STATE = (
     Rule("mode-missing", "The states have no operating mode; read as automatic.", "status"),
-    Rule("battery-out-of-range", "The battery is not within 0 to 1; clamped.", "batteryStatus"),
+    Rule("battery-out-of-range", "The battery is not within 0 to 1; above 1, in percent; clamped.", "batteryStatus"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "odometry"),
     Rule("map-missing", "A position without ccsId; it is compared with nothing.", "odometry"),
     Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),
@@ -65,9 +65,22 @@ _STATE = (
 _WHERE_TO = (
     *point_rules("localTrajectory"),
     Rule("point-absurd", "A point lies beyond 10,000 km; left out.", "localTrajectory"),
-    Rule("path-times-equal", "Points have the same time; new times by speed.", "localTrajectory"),
-    Rule("path-unordered", "Points are not in the order of their times; new times by speed.", "localTrajectory"),
+    Rule(
+        "path-times-equal",
+        "Points have the same time; repeated ones are left out, others get new times.",
+        "localTrajectory",
+    ),
+    Rule(
+        "path-unordered",
+        "The times are out of order; sorted if that shortens the way, else new ones.",
+        "localTrajectory",
+    ),
     *path_rules("localTrajectory"),
+    in_context(
+        "path-outdated",
+        "The trajectory is over 3 s old, and over, or not where the robot is; not followed.",
+        "localTrajectory",
+    ),
     in_context(
         "path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "localTrajectory"
     ),

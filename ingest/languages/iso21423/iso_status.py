@@ -1,7 +1,9 @@
 """The status of a robot by its newest odometry, states, trajectory and plan."""
 
-from math import nan, pi, remainder
+from math import hypot, nan, pi, remainder
 from operator import lt
+
+import numpy as np
 
 from ingest.batch import Amounts
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
@@ -13,8 +15,9 @@ from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 
 MOST_POINTS = 200
-OUTDATED_S = 3.0
-"""A trajectory that is so much older than the pose is not followed any more: it should come at least once a second."""
+OUTDATED_S, BESIDE_M = 3.0, 1.0
+"""A trajectory should come once a second. One that is so much older than the pose is followed only while it goes on,
+and while it puts the robot no further than this from its pose."""
 BLOCKED = frozenset(("STOP_CATEGORY_0", "STOP_CATEGORY_1", "STOP_CATEGORY_2", "BLOCKED"))
 BY_STATE = {
     "OFFLINE": "offline",
@@ -46,7 +49,6 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
     linear_mps = velocity.linear if velocity else None
     if linear_mps is not None and abs(linear_mps) > MAX_SPEED_MPS:
         findings["speed-absurd"], linear_mps = None, None
-    is_outdated = memory.path_stamp_s < stamp.t_s - OUTDATED_S
     return Status(
         uuid,
         stamp.t_s,
@@ -63,13 +65,28 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         Amounts(nan if memory.battery_pct is None else memory.battery_pct),
         (),
         memory.plan,
-        NO_PATH if is_outdated else memory.path,
+        _followed(memory, memory.pose, findings),
         tuple(findings),
         is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVES_MPS),
         is_lost="LOST" in memory.states,
         oddities=tuple(findings.oddities),
         heading_sent=beyond_turn(yaw_rad),
     )
+
+
+def _followed(memory: IsoMemory, pose: IsoPose, findings: Findings) -> Path:
+    """The trajectory, if it is new, or goes on and puts the robot near its place. It may also begin later."""
+    path, t_s, at = memory.path, pose.stamp.t_s, pose.pose.location_point
+    if path is NO_PATH or memory.path_stamp_s >= t_s - OUTDATED_S:
+        return path
+    goes_on = path.ends_s[1] > t_s
+    if goes_on and path.in_order and {*path.datums} <= {"", (at.ccs_id or "").lower()}:
+        x, y = (np.interp(t_s, path.times, [row[axis] for row in path.poses]) for axis in (1, 2))
+        if path.ends_s[0] > t_s or hypot(x - at.x, y - at.y) <= BESIDE_M:
+            return path
+    if goes_on or _speed_mps(pose.velocity) > DRIVES_MPS:
+        findings["path-outdated"] = None
+    return NO_PATH
 
 
 def _state(memory: IsoMemory, pose: IsoPose) -> str:

@@ -1,8 +1,12 @@
 """The newest message of one topic of a robot, by which a later one is known to be repeated or late."""
 
 from math import nan
+from typing import Any
 
 import msgspec
+
+from ingest.languages.rules import Findings
+from ingest.languages.timestamps import NO_STAMP, Stamp
 
 STEPPED_BACK = 3
 """After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
@@ -14,6 +18,7 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     """What is kept of a message. Languages without numbers of messages have no `header_id`."""
 
     content_hash: int
+    """Of all that is read of it, however it is written."""
     stamp_s: float
     header_id: int | None = None
     same_stamps: int = 0
@@ -22,11 +27,6 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     """Older messages that have come since, in a row of rising stamps."""
     older_s: float = nan
     """The stamp of the last one."""
-
-    def is_repeated_by(self, later: "Heard") -> bool:
-        """Whether a later one is the same, or the same written anew."""
-        has_header = self.header_id and (later.header_id, later.stamp_s) == (self.header_id, self.stamp_s)
-        return bool(has_header) or later.content_hash == self.content_hash
 
     def is_newer_than(self, later: "Heard") -> bool:
         """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
@@ -49,7 +49,25 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
         return later.stamp_s == self.stamp_s and not is_counted
 
 
-def message_after(last: Heard | None, raw: bytes, stamp_s: float, header_id: int | None = None) -> Heard:
-    """What is kept of a message that came after `last` of the same topic."""
-    same_stamps = last.same_stamps + 1 if last and last.stamp_s == stamp_s else 0
-    return Heard(hash(raw), stamp_s, header_id, same_stamps)
+def heard_after(
+    last: Heard | None, message: Any, stamp: Stamp, findings: Findings, header_id: int | None = None
+) -> tuple[Heard | None, Stamp, bool]:
+    """What is kept from now on, the stamp, and whether the message is used, which came after `last` of its topic.
+
+    One that is repeated, or older, is not. One with the stamp of the last has none that can be used, see
+    `has_header_of`. None is kept of one that is repeated or has no stamp.
+    """
+    if not stamp.is_known:
+        return None, stamp, True
+    same_stamps = last.same_stamps + 1 if last and last.stamp_s == stamp.t_s else 0
+    heard = Heard(hash(msgspec.json.encode(message)), stamp.t_s, header_id, same_stamps)
+    if last and last.content_hash == heard.content_hash:
+        findings["message-repeated"] = None
+        return None, stamp, False
+    if last and last.is_newer_than(heard):
+        findings["message-reordered"] = None
+        return last.after_older(heard), stamp, False
+    if last and last.has_header_of(heard):
+        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
+        stamp = NO_STAMP
+    return heard, stamp, True

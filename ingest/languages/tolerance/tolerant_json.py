@@ -12,16 +12,12 @@ from pydantic_core import from_json
 from ingest.languages import timestamps
 from ingest.languages.model import Path
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.json_spelling import JsonSpelling
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import LEFT_OUT, ValueReader
 
 _HALF_LETTER = re.compile(rb"\\u[dD][89a-fA-F][0-9a-fA-F]{2}")
 """One of the two halves by which JSON writes some letters. Senders cut texts between them."""
-_STRING_OR_NOT_FINITE = re.compile(
-    rb"""("[^"\\]*(?:\\.[^"\\]*)*"?)|([:\[,]\s*)[-+]?(?:nan(?:\(\w*\))?|inf(?:inity)?|1\.\#[a-z]+\d*)(?=\s*[,\]}])""",
-    re.IGNORECASE | re.DOTALL,
-)
-"""A string, or what stands before a number that is not finite, as C and PLC code print it."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 Model = TypeVar("Model", bound=msgspec.Struct)
 _JSON_KINDS = {
@@ -110,7 +106,7 @@ def time_of(stamp: timestamps.Stamp, *paths: Path) -> float:
 
 
 def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
-    """The JSON object of a message, numbers that are not finite included. Raises `RejectedError` if it is none."""
+    """The JSON object of a message, also of a list of one, and as programs spell it. Raises `RejectedError` if none."""
     if raw.startswith(BYTE_ORDER_MARK):
         findings["byte-order-mark"] = None
         raw = raw.removeprefix(BYTE_ORDER_MARK)
@@ -118,32 +114,35 @@ def parsed(raw: bytes, findings: Findings) -> dict[str, Any]:
         sent = from_json(raw)
     except ValueError as error:
         sent = _parsed_odd(raw, error, findings)
+    if isinstance(sent, list) and len(sent) == 1 and isinstance(sent[0], dict):
+        findings.note("single-not-list", "", sent, "its only item")
+        sent = sent[0]
     if not isinstance(sent, dict):
         raise RejectedError("not-object", f"JSON {_JSON_KINDS[type(sent)]}; send one JSON object a message")
     return sent
 
 
 def _parsed_odd(raw: bytes, error: ValueError, findings: Findings) -> Any:
-    """The same of a message with numbers that are not finite in the spelling of C, or bytes in texts that are no
-    letters. Raises `RejectedError` if that is not all.
+    """The same of a message that is spelt as JSON is not, or has bytes in texts that are no letters.
+
+    Raises `RejectedError` if that is not all.
     """
-    named = _STRING_OR_NOT_FINITE.sub(_with_nan, raw)
+    spelling = JsonSpelling()
+    spelt = spelling.spelt(raw)
     try:
-        return from_json(named)
+        sent = from_json(spelt)
     except ValueError:
-        readable = _HALF_LETTER.sub(rb"\\ufffd", named.decode(errors="replace").encode())
-    if readable == named:
-        raise _not_parsed(raw, str(error)) from None
-    try:
-        sent = from_json(readable)
-    except ValueError:
-        raise _not_parsed(raw, str(error)) from None
-    findings["text-not-utf8"] = None
+        readable = _HALF_LETTER.sub(rb"\\ufffd", spelt.decode(errors="replace").encode())
+        if readable == spelt:
+            raise _not_parsed(raw, str(error)) from None
+        try:
+            sent = from_json(readable)
+        except ValueError:
+            raise _not_parsed(raw, str(error)) from None
+        findings["text-not-utf8"] = None
+    findings.update(spelling.findings)
+    findings.name(spelling.findings.oddities)
     return sent
-
-
-def _with_nan(match: re.Match[bytes]) -> bytes:
-    return match[1] or match[2] + b"NaN"
 
 
 class _Anything(msgspec.Struct):

@@ -17,8 +17,8 @@ from ingest.languages import timestamps
 from ingest.languages.front_end import TopicSender
 from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
-from ingest.languages.tolerance.heard import Heard, message_after
-from ingest.languages.tolerance.tolerant_json import document, stamp_of, time_of
+from ingest.languages.tolerance.heard import Heard, heard_after
+from ingest.languages.tolerance.tolerant_json import document, stamp_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update
@@ -129,19 +129,11 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     _compare_names(message, topic.sender, findings)
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
-    last = None if _is_last_will(message) or not stamp.is_known else memory.heard.get(kind)
-    heard = message_after(last, raw, time_of(stamp), message.header_id)
-    if last and last.is_repeated_by(heard):
-        findings["message-repeated"] = None
-        return update_of(topic.sender.uuid, findings), memory
-    if last and last.is_newer_than(heard):
-        findings["message-reordered"] = None
-        kept = memory.heard | {kind: last.after_older(heard)}
-        return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, heard=kept)
-    changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if stamp.is_known else {}
-    if last and last.has_header_of(heard):
-        findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
-        stamp = timestamps.NO_STAMP
+    last = None if _is_last_will(message) else memory.heard.get(kind)
+    heard, stamp, is_used = heard_after(last, message, stamp, findings, message.header_id)
+    changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
+    if not is_used:
+        return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory
     if isinstance(message, VdaMotion):
         return _read_motion(message, topic, stamp, memory, changes, findings)
     memory = msgspec.structs.replace(memory, **changes)
@@ -171,9 +163,9 @@ def _is_last_will(message: Header) -> bool:
     return isinstance(message, ConnectionMessage) and message.connection_state in _BROKEN
 
 
-def _with_connection(memory: VdaMemory, connection: str, heard: Heard) -> VdaMemory:
+def _with_connection(memory: VdaMemory, connection: str, heard: Heard | None) -> VdaMemory:
     """The memory after a connection message. A retained one may be older than what the robot said since."""
-    is_old = memory.pose is not None and 0.0 < heard.stamp_s < memory.pose.stamp.t_s
+    is_old = memory.pose is not None and heard is not None and 0.0 < heard.stamp_s < memory.pose.stamp.t_s
     return memory if is_old else msgspec.structs.replace(memory, connection=connection)
 
 

@@ -87,7 +87,7 @@ _WHERE_TO = (
     *point_rules("state"),
     Rule("point-absurd", "A waypoint lies beyond 10,000 km; left out.", "state"),
     Rule("path-past", "The times of all waypoints are over; new times by speed.", "state"),
-    Rule("path-unordered", "Waypoints are not in the order of their times; new times by speed.", "state"),
+    Rule("path-unordered", "The times are out of order; sorted if that shortens the way, else new ones.", "state"),
     *path_rules("state"),
     in_context("path-contradicts-motion", "The path jumps further than the robot can go; used to there.", "state"),
 )

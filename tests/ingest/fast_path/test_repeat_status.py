@@ -252,6 +252,18 @@ def test_late_statuses_take_the_fast_path_and_give_the_batches_of_the_slow_one(
     assert repeats == [True] * (LATE_ROUNDS - 1) * LATE_ROBOTS
 
 
+def test_a_pace_is_learned_of_paths_without_usable_times_only(repeats: list[bool]) -> None:
+    messages: list[Sent] = []
+    x = 0.0
+    for second in range(36):
+        t_s, mps, first_s = (NOW_S + second, 1.5, NOW_S + second) if 8 <= second < 28 else (NOW_S + second, 0.5, 0.0)
+        way = points(*((first_s + s, x + mps * s, 0.0, 0.0) for s in range(1, 21)))
+        messages.append((status("R", t_s, x, velocity={"linear": mps}, path=way), t_s, LINES[0]))
+        x += mps
+    assert results(messages, fast=True) == results(messages, fast=False)
+    assert any(repeats)
+
+
 def calls_of_a_status(every_s: float) -> int:
     """Calls to read the last of three statuses of a robot that drives straight on."""
     receiving_fleet, calls = fleet(), 0

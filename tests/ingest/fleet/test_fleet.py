@@ -226,6 +226,23 @@ def test_a_clock_set_forward_leaves_the_forecast_where_it_belongs_from_the_first
     assert batch.forecasts.t_s.tolist() == pytest.approx([NOW_S + 3, NOW_S + 7, NOW_S + 13], abs=0.15)
 
 
+@pytest.mark.parametrize(
+    ("fast_s", "is_known", "begins_s"), [(0.0, False, 3.0), (60.0, False, 0.0), (-60.0, False, 0.0), (60.0, True, 3.0)]
+)
+def test_a_path_of_a_status_without_a_stamp_begins_when_it_says_if_that_is_ahead(
+    fast_s: float, is_known: bool, begins_s: float
+) -> None:
+    receiving_fleet = fleet()
+    if is_known:
+        receiving_fleet.receive(status("A-1", NOW_S - 1 + fast_s, -1.0), NOW_S - 1, LINE)
+    path = points(*((NOW_S + fast_s + s, s, 0.0, 0.0) for s in (3.0, 4.0, 8.0)))
+    receiving_fleet.receive(status("A-1", NOW_S, path=path, timestamp=None), NOW_S, LINE)
+    forecast = receiving_fleet.robots[robot("A-1")].forecast
+    assert forecast is not None
+    at_four_metres = [knot[0] - NOW_S for knot in forecast.knots if knot[1] == 4.0]
+    assert at_four_metres == pytest.approx([begins_s + 1.0])
+
+
 def test_stamps_in_whole_seconds_are_corrected_in_the_forecast_too() -> None:
     receiving_fleet = fleet()
     for i in range(3):

@@ -11,7 +11,19 @@ from ingest.fleet.fleet import Fleet
 from ingest.fleet.robot import Robot
 from ingest.settings import Datum, Vendor
 from tests.helpers.saying import HALL, status
-from tests.helpers.vda_saying import MAKER, MAP, factsheet, line, node, order, state, under_way, vda, visualization
+from tests.helpers.vda_saying import (
+    MAKER,
+    MAP,
+    factsheet,
+    line,
+    node,
+    order,
+    state,
+    state_3,
+    under_way,
+    vda,
+    visualization,
+)
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, fleet
 
 NODES = [node(0, 0.0), node(1, 10.0), node(2, 10.0, 8.0)]
@@ -57,6 +69,17 @@ def test_a_factsheet_that_comes_late_gives_size_and_speed() -> None:
     assert robot.forecast is not None
     assert (robot.forecast.length_m, robot.forecast.width_m) == (1.2, 0.8)
     assert (robot.model, robot.name) == ("Carrier", "KIT 0001")
+
+
+def test_a_path_without_times_is_followed_by_a_robot_that_is_about_to_drive() -> None:
+    of = floor_of()
+    path = {"polyline": [{"x": float(x), "y": 0.0} for x in range(1, 5)]}
+    still = {"vx": 0.0, "vy": 0.0, "omega": 0.0}
+    tell(of, "state", state_3(NOW_S, intermediatePath=path, driving=True, velocity=still), NOW_S)
+    (robot,) = of.robots.values()
+    assert robot.forecast is not None
+    t_s, x_m, _, _ = robot.forecast.knots[4]
+    assert (t_s - NOW_S, x_m) == pytest.approx((4.5, 4.0))
 
 
 def test_an_order_changes_the_forecast_without_a_new_pose() -> None:

@@ -103,8 +103,8 @@ def test_points_already_past_are_left_out() -> None:
 
 @pytest.mark.parametrize(
     "times_s",
-    [[-20, -19, -18], [3, 2, 1], [5, 5, 5], [-NOW_S, -NOW_S, -NOW_S]],
-    ids=["past", "unordered", "equal", "1970"],
+    [[-20, -19, -18], [3, 2, 1], [5, 5, 5], [5, 5, 6], [-NOW_S, -NOW_S, -NOW_S]],
+    ids=["past", "unordered", "equal", "two equal", "1970"],
 )
 def test_useless_times_are_replaced_by_the_speed_along_the_points(times_s: list[float]) -> None:
     given = points(*((NOW_S + t, 1.0 + 2.0 * (i + 1), 2.0, 0.0) for i, t in enumerate(times_s)))
@@ -114,10 +114,32 @@ def test_useless_times_are_replaced_by_the_speed_along_the_points(times_s: list[
     np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], [1, 3, 5, 7, 11])
 
 
-def test_useless_times_without_a_speed_fall_back_to_standing() -> None:
-    still = Sighting(NOW_S, 0, 1.0, 2.0, 0.0, 0.0)
-    made_forecast = ahead(still, path=points((NOW_S - 5, 2.0, 2.0, 0.0)))
-    assert np.ptp(np.array(made_forecast.knots)[:, 1]) == 0.0
+@pytest.mark.parametrize(
+    ("speed_mps", "most_mps", "after_s"),
+    [(0.0, None, 4.5), (0.05, None, 4.45125), (None, None, 4.0), (0.0, 2.0, 3.0), (0.5, 2.0, 8.0), (3.0, 2.0, 2.0)],
+)
+def test_a_robot_that_stands_or_sets_off_follows_a_path_with_useless_times_at_its_usual_pace(
+    speed_mps: float | None, most_mps: float | None, after_s: float
+) -> None:
+    here = Sighting(NOW_S, 0, 1.0, 2.0, 0.0, speed_mps)
+    past = points(*((NOW_S - 20, 1.0 + i, 2.0, 0.0) for i in range(1, 5)))
+    made_forecast = ahead(here, RobotBody((1.0, 0.5, 0.4), max_speed_mps=most_mps), path=past)
+    assert (made_forecast.basis, made_forecast.findings) == (Basis.PATH, ("path-retimed",))
+    t_s, x_m, _, _ = made_forecast.knots[4]
+    assert (t_s - NOW_S, x_m) == pytest.approx((after_s, 5.0))
+
+
+@pytest.mark.parametrize("times_s", [[5, 4, 3, 2, 1], [1, 3, 2, 4, 5], [1, 2, 2, 3, 4, 5, 1]])
+def test_points_are_followed_in_the_order_of_their_times_if_that_is_shorter(times_s: list[int]) -> None:
+    made_forecast = ahead(path=points(*((NOW_S + s, 1.0 + s, 2.0, 0.0) for s in times_s)))
+    assert made_forecast.findings == ()
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 0] - NOW_S, [0, 1, 2, 3, 4, 5, 10])
+    np.testing.assert_allclose(np.array(made_forecast.knots)[:, 1], [1, 2, 3, 4, 5, 6, 11])
+
+
+def test_a_repeated_point_leaves_a_planned_wait() -> None:
+    made_forecast = ahead(path=points(*((NOW_S + s, x, 2.0, 0.0) for s, x in ((1, 2.0), (1, 2.0), (8, 2.0), (9, 3.0)))))
+    np.testing.assert_allclose(np.array(made_forecast.knots)[1:, :2] - (NOW_S, 0.0), [(1, 2), (8, 2), (9, 3)])
 
 
 def test_a_path_is_used_up_to_an_impossible_jump() -> None:

@@ -65,9 +65,11 @@ VECTORS = (
     stamped("2026-09-21T14:13:20,500Z", ("stamp-spelling",)),
     stamped("1790000000", ("stamp-epoch",)),
     IsoVector("identity", identity(T, ratedSpeed=0.0), ("speed-limit-not-positive",)),
+    IsoVector("batteryStatus", iso(T, batterySoc=15), ("battery-out-of-range",)),
     IsoVector("batteryStatus", iso(T, batterySoc=1.2), ("battery-out-of-range",)),
     IsoVector("odometry", odometry(T, speed=101.0), ("speed-absurd",)),
     IsoVector("odometry", odometry(T, yaw=None), ("null-value", "heading-missing")),
+    IsoVector("odometry", odometry(T) + b"\0", ("json-spelling",)),
     IsoVector("odometry", b"\xef\xbb\xbf" + odometry(T), ("byte-order-mark",)),
     IsoVector(
         "odometry", changed(pose={"location_point": at(0.0, 0.0), "orientation": {"yaw": 0.0}}), ("key-spelling",)

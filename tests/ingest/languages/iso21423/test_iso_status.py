@@ -80,10 +80,30 @@ def test_a_trajectory_is_the_path_and_a_plan_the_destinations() -> None:
     assert status.destinations.poses[0][:3] == (T + 60, 50.0, 0.0)
 
 
-def test_a_trajectory_that_is_not_renewed_is_not_followed() -> None:
-    ahead = ("localTrajectory", trajectory(T, (T + 9, 9.0, 0.0)))
-    assert IsoListener().status_after(ahead, ("odometry", odometry(T + 2))).path is not NO_PATH
-    assert IsoListener().status_after(ahead, ("odometry", odometry(T + 4))).path is NO_PATH
+@pytest.mark.parametrize(
+    ("s", "x", "speed_mps", "is_followed", "is_counted"),
+    [
+        (2.0, 0.0, 0.0, True, False),
+        (4.0, 4.9, 1.0, True, False),
+        (8.5, 8.0, 1.0, True, False),
+        (4.0, 2.9, 1.0, False, True),
+        (4.0, 0.0, 0.0, False, True),
+        (9.5, 9.5, 1.0, False, True),
+        (60.0, 9.0, 0.0, False, False),
+    ],
+)
+def test_a_trajectory_that_is_not_renewed_is_followed_while_it_goes_on_and_the_robot_is_on_it(
+    s: float, x: float, speed_mps: float, is_followed: bool, is_counted: bool
+) -> None:
+    ahead = ("localTrajectory", trajectory(T, (T + 1, 1.0, 0.0), (T + 9, 9.0, 0.0)))
+    status = IsoListener().status_after(ahead, ("odometry", odometry(T + s, x, speed=speed_mps)))
+    assert ((status.path is not NO_PATH), ("path-outdated" in status.findings)) == (is_followed, is_counted)
+
+
+@pytest.mark.parametrize(("sent", "charge_pct"), [(-0.1, 0.0), (1.0, 100.0), (15, 15.0), (100, 100.0), (101, 100.0)])
+def test_a_battery_above_one_is_in_percent(sent: float, charge_pct: float) -> None:
+    status = IsoListener().status_after(("batteryStatus", iso(T, batterySoc=sent)), HERE)
+    assert status.amounts.battery_pct == charge_pct
 
 
 def test_a_footprint_replaces_that_of_the_identity_until_it_is_empty() -> None:

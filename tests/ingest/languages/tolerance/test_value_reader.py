@@ -170,7 +170,62 @@ def test_a_number_that_is_not_finite_costs_itself_as_c_prints_it_too(
     assert front_end.document(printed) == front_end.document(raw.replace(b"-77", b"NaN"))
 
 
-@pytest.mark.parametrize("broken", [b'{"a": nano}', b'{"a": nan', b"{nan: 1}", b'{"a": "' + b'\\"' * 50_000])
+PRINTED = {"+0.5": "0.5", "1.": "1.0", ".5": "0.5", "-.5": "-0.5", "01": "1", "-007.e1": "-7.0e1"} | {
+    "True": "true",
+    "False": "false",
+    "None": "null",
+}
+
+
+@pytest.mark.parametrize(("language", "topic", "raw"), WITH_NUMBER)
+@pytest.mark.parametrize("printed", PRINTED)
+def test_a_value_is_read_as_programs_print_it(language: str, topic: str, raw: bytes, printed: str) -> None:
+    front_end, plain = FRONT_ENDS[language], raw.replace(b"-77", PRINTED[printed].encode())
+    sent = raw.replace(b"-77", printed.encode())
+    status, _ = front_end.read(sent, topic, None, None)
+    usual, _ = front_end.read(plain, topic, None, None)
+    assert isinstance(status, Status)
+    assert isinstance(usual, Status)
+    assert [status.linear_mps, status.amounts] == [usual.linear_mps, usual.amounts]
+    assert set(status.findings) == {"json-spelling", *usual.findings}
+    named = next(odd for odd in status.oddities if odd.rule == "json-spelling")
+    assert f'"{named.path}": {printed}'.encode() in sent
+    assert (named.value, named.reading) == (f'"{printed}"', PRINTED[printed])
+    assert front_end.document(sent) == front_end.document(plain)
+
+
+@pytest.mark.parametrize(("language", "topic", "raw"), WITH_NUMBER)
+def test_a_message_is_read_whatever_its_end_and_its_brackets(language: str, topic: str, raw: bytes) -> None:
+    front_end = FRONT_ENDS[language]
+    usual, _ = front_end.read(raw, topic, None, None)
+    assert isinstance(usual, Status)
+    for sent, rule in (
+        (raw + b"\0\0", "json-spelling"),
+        (raw[:-1] + b" , }", "json-spelling"),
+        (raw.replace(b"{", b"{\x01", 1).replace(b'{\x01"', b'{"', 1) + b"\0", "json-spelling"),
+        (b"[" + raw + b"]", "single-not-list"),
+        (b"[" + raw + b",]\0", "single-not-list"),
+    ):
+        status, _ = front_end.read(sent, topic, None, None)
+        assert isinstance(status, Status)
+        assert (status.x, status.error_codes) == (usual.x, usual.error_codes)
+        assert rule in status.findings
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        b'{"a": nano}',
+        b'{"a": nan',
+        b"{nan: 1}",
+        b'{"a": +}',
+        b'{"a": .}',
+        b'{"a": --1}',
+        b"{}, {}",
+        b'{"a": 1,,}',
+        b'{"a": "' + b'\\"' * 50_000,
+    ],
+)
 def test_other_bare_words_are_no_json(broken: bytes) -> None:
     message, _ = FRONT_ENDS["vda5050"].read(broken, vda_saying.topic("state"), None, None)
     assert isinstance(message, Rejection)

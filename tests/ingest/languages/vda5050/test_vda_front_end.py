@@ -88,6 +88,15 @@ def test_the_same_message_written_anew_is_repeated() -> None:
     assert listener.hears("state", raw.replace(b": ", b":")).findings == ("message-repeated",)
 
 
+def test_other_poses_with_a_number_and_a_time_that_do_not_change_are_used() -> None:
+    listener = Listener()
+    for x in (1.0, 2.0, 3.0):
+        moved = listener.status_after(("visualization", visualization(T, x, 0.0, headerId=1)))
+        assert (moved.x, "stamp-unchanged" in moved.findings) == (x, x > 1.0)
+    anew = visualization(T, 3, 0, headerId=1).replace(b": ", b":")
+    assert listener.hears("visualization", anew).findings == ("message-repeated",)
+
+
 def test_a_state_older_than_a_visualization_has_no_newer_pose_but_all_else() -> None:
     listener = Listener()
     listener.hears("visualization", visualization(T + 1, 5.0, 0.0))
