@@ -28,7 +28,7 @@ class RobotOwners:
     def __init__(self, vendors: VendorRegistry, max_robots_per_vendor: int, claims: OwnershipClaims) -> None:
         self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
         self._languages = LanguageChoice()
-        self.register = OwnerRegister()
+        self.register = OwnerRegister(lambda vendor: self.vendors.configured(vendor))  # noqa: PLW0108 - it is replaced
         self.admission = Admission()
         self.off_floor = OffFloor()
         self._robot_counts: Counter[str] = Counter()
