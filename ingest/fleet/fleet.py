@@ -59,6 +59,8 @@ class Fleet:
         self.newest: Robot | None = None
         """The robot of the newest message that was accepted."""
         self._claims = OwnershipClaims()
+        self.newest_deviates = False
+        """Whether that message deviates from any rule."""
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self.off_floor = self.owners.off_floor
         self._left: list[str] = []
@@ -246,7 +248,7 @@ class Fleet:
         robot.statuses += 1
 
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
-        self.newest = robot
+        self.newest, self.newest_deviates = robot, bool(findings)
         self.owners.note_sender(robot, connection)
         self.measures.count_each("deconflict_deviations_total", robot.vendor, robot.count(findings))
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
