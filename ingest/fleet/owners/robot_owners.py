@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ingest.fleet.owners.admission import Admission
 from ingest.fleet.owners.departures import OffFloor
+from ingest.fleet.owners.kept_bytes import KeptBytes
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
@@ -30,6 +31,7 @@ class RobotOwners:
         self._languages = LanguageChoice()
         self.register = OwnerRegister(lambda vendor: self.vendors.configured(vendor))  # noqa: PLW0108 - it is replaced
         self.admission = Admission()
+        self.kept_bytes = KeptBytes()
         self.off_floor = OffFloor()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""
