@@ -154,7 +154,8 @@ class ReceiverRole:
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         rule = self.fleet.receive(raw, arrival_s, connection)
         waits = rule is None and self.fleet.newest is not None and not self.fleet.newest.examined
-        self.recorder.received(raw, arrival_s, connection, rule, waits=waits)
+        deviates = self.fleet.newest_deviates
+        self.recorder.received(raw, arrival_s, connection, rule, waits=waits, deviates=deviates)
         if rule is None:
             self._ticks.note_message()
         return rule

@@ -105,8 +105,10 @@ class HeardRobot(BaseModel):
     deviations: dict[str, int] = Field(description="by rule, how many of its messages deviate")
     odd_values: list[NamedOddValue] = Field(description="what shows the deviations, the newest first")
     sizes: list[str] = Field(description="how sizes beyond `reading.largest_body_m` are read")
-    identity: dict[str, Any] | None = Field(None, description="its identity report, in its language")
-    status: dict[str, Any] | None = Field(None, description="its last status, in its language")
+    identity: dict[str, Any] | None = Field(
+        None, description="its identity report, in its language; over 64 KiB only `too_long_bytes`"
+    )
+    status: dict[str, Any] | None = Field(None, description="its last status, in its language; see `identity`")
     floor: str | None = Field(None, description="UUID of the datum in whose frame its position is")
     comparable: bool | None = Field(None, description="whether its map has a place on a floor of the site")
     location: RobotPosition | None = None

@@ -18,6 +18,7 @@ from ingest.fleet.batch_builder import batch
 from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
 from ingest.fleet.owners import language_choice
 from ingest.fleet.owners.departures import Departures
+from ingest.fleet.owners.kept_bytes import UNMEASURED_BYTES
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.fleet.owners.vendor_registry import VendorRegistry
@@ -58,6 +59,8 @@ class Fleet:
         """By UUID, the robots with a forecast that was in no batch yet."""
         self.newest: Robot | None = None
         """The robot of the newest message that was accepted."""
+        self.newest_deviates = False
+        """Whether that message deviates from any rule."""
         self._claims = OwnershipClaims()
         self.owners = RobotOwners(vendors, reading.max_robots_per_vendor, self._claims)
         self.off_floor = self.owners.off_floor
@@ -75,7 +78,7 @@ class Fleet:
 
     def receive(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         """Process one message. Returns the code of the rule that rejects it; None if it is accepted."""
-        readers, scanned = self._repeat_readers, None
+        readers, scanned = self._repeat_readers if len(raw) <= UNMEASURED_BYTES else None, None
         if connection.topic:
             return self._receive_from_topic(raw, arrival_s, connection)
         if readers and (scanned := readers.scan(raw)) and (reader := readers.find(scanned, connection)):
@@ -120,7 +123,7 @@ class Fleet:
             vendor = self.owners.vendor_of(message.uuid or "", robot, connection)
             self.reject(message, raw, arrival_s, connection, vendor=vendor)
             return message.rule, None
-        if rejection := self._rejection(message, robot, connection, sender, arrival_s):
+        if rejection := self._rejection(message, robot, connection, sender, arrival_s, raw, memory):
             self.reject(rejection, raw, arrival_s, connection)
             if robot and robot.language == connection.language and rejection.rule == language_choice.RULE:
                 self._left.append(self._drop(robot))
@@ -173,13 +176,17 @@ class Fleet:
         connection: Connection,
         sender: TopicSender | None,
         arrival_s: float,
+        raw: bytes,
+        memory: object,
     ) -> Rejection | None:
         """Why a message that could be read is not accepted. None if it is."""
         if isinstance(message, Status) and self.placement.is_in_degrees(message):
             vendor = self.owners.vendor_of(message.uuid, robot, connection)
             if rejection := self.placement.rejection(message, vendor):
                 return rejection
-        return self.owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
+        silent_after_s, kept_bytes = self.reading.silent_after_s, self.owners.kept_bytes
+        rejection = self.owners.rejection(message, robot, connection, sender, arrival_s, silent_after_s)
+        return rejection or kept_bytes.rejection(message, robot, raw, memory, connection.source)
 
     def _admit(self, uuid: str, arrival_s: float, connection: Connection, sender: TopicSender | None) -> Robot:
         vendor, clock = self.owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
@@ -246,7 +253,7 @@ class Fleet:
         robot.statuses += 1
 
     def _accept(self, robot: Robot, connection: Connection, findings: tuple[str, ...]) -> None:
-        self.newest = robot
+        self.newest, self.newest_deviates = robot, bool(findings)
         self.owners.note_sender(robot, connection)
         self.measures.count_each("deconflict_deviations_total", robot.vendor, robot.count(findings))
         self.measures.count("deconflict_messages_total", robot.vendor, "accepted")
@@ -305,6 +312,7 @@ class Fleet:
     def next_batch(self, now_s: float, everything: bool = False) -> Batch:
         """The robots that changed since the last batch, or all with `everything`, and those forgotten."""
         gone = self._forget_silent(now_s)
+        self.owners.kept_bytes.forget(uuid for uuid in gone if uuid not in self.robots)
         self.message_rates.observe(now_s, self.measures.values["deconflict_messages_total"])
         self.clock_changes.observe(now_s, ((robot.vendor, robot.clock) for robot in self.robots.values() if robot.seen))
         self._reconsider()

@@ -26,6 +26,8 @@ from ingest.port.connection import Connection
 from ingest.settings import Reading
 
 NOT_COMPARED = "deconflict_robots_not_compared"
+MOST_SHOWN_BYTES = 64 << 10
+"""A longer message is not shown."""
 MOST_SHOWN = 200
 """Robots that are compared with nobody, of which the page says why."""
 
@@ -194,7 +196,12 @@ def _odd_values(fleet: Fleet, robot: Robot) -> list[OddValue]:
 
 
 def _message(robot: Robot, raw: bytes) -> dict[str, Any] | None:
-    """A message with the UUID as which it was read, since the sender may use a name. None if there is no message."""
+    """A message with the UUID as which it was read, since the sender may use a name. None if there is no message.
+
+    Of a long one only its length is shown: who asks for all robots gets those of thousands.
+    """
+    if len(raw) > MOST_SHOWN_BYTES:
+        return {"uuid": robot.uuid, "too_long_bytes": len(raw)}
     return FRONT_ENDS[robot.language].document(raw) | {"uuid": robot.uuid} if raw else None
 
 

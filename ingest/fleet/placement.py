@@ -22,10 +22,10 @@ from ingest.fleet.prediction.pace import PaceBook, Paces
 from ingest.fleet.prediction.position_unit import unit_moves
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
-from ingest.frames.frame_registry import Frame, FrameRegistry
+from ingest.frames.frame_registry import LONGEST_NAME, Frame, FrameRegistry
 from ingest.frames.towing import towed_along
 from ingest.languages.model import Rejection, Status
-from ingest.languages.rules import POSITION_IN_OTHER_UNIT, Oddity
+from ingest.languages.rules import MOST_LETTERS, POSITION_IN_OTHER_UNIT, Oddity
 from ingest.settings import Reading
 from ingest.shapes import Shape
 from ingest.sizes.model_sizes import ModelSizes
@@ -125,7 +125,8 @@ class Placement:
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
     ) -> tuple[str, ...]:
         """Put the robot at `sighting`, reconciled with `before`, and forecast it from there. Returns the deviations."""
-        context = self._context(robot, status.amounts.load_used_pct > 0.0, status.datum, status.loads)
+        datum = status.datum[: LONGEST_NAME + 1]  # an overlong name stays one
+        context = self._context(robot, status.amounts.load_used_pct > 0.0, datum, status.loads)
         robot.frame = frame
         last = robot.seen
         robot.before = before or robot.before
@@ -151,7 +152,7 @@ class Placement:
         if misspelling := self._floors.misspelling(robot.vendor, status.datum, status.path.datums):
             unknown += ("path-datum-unknown",)
             reading = "the robot's own floor; give the vendor a map for it"
-            odd = Oddity("path-datum-unknown", "path", misspelling, reading, status.datum)
+            odd = Oddity("path-datum-unknown", "path", misspelling[:MOST_LETTERS], reading, datum)
             robot.odd_values.note((odd,), robot.arrival_s)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         of_motion = self._motion_findings(robot, sighting, last, status)

@@ -14,6 +14,8 @@ from ingest.frames.projection import Projection
 from ingest.frames.transforms import Transform
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 
+LONGEST_NAME = 200
+"""Letters of a datum that the site does not have. Each batch and advisory there names it."""
 Pose = tuple[float, float, float]
 """x, y, yaw_rad"""
 
@@ -71,12 +73,12 @@ class FrameRegistry:
         """The vendor's own map of that name, else the site's datum, else a floor of its own.
 
         A datum that the site does not have names a floor shared by all vendors that name it, since by the standard the
-        id is that of the frame. A nil or missing datum names no frame and is compared with nothing.
+        id is that of the frame. A nil, missing or overlong datum names no frame and is compared with nothing.
         """
         found = self._maps.get((vendor, datum)) or self._datums.get(datum)
         if found:
             return found
-        if datum in ("", NIL_DATUM):
+        if datum in ("", NIL_DATUM) or len(datum) > LONGEST_NAME:
             return Frame(f"unknown:{vendor}", known=False, comparable=False)
         return Frame(datum, known=False)
 

@@ -13,17 +13,17 @@
     {"tick": "...Z", "effort": 1, "pending": 2, "followed": [["...", "..."]]}
     {"engine": "started", "at": "...Z"}
 
-An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines, is
-quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's share of the log does not admit whole
-(`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and `sha256` of the whole. A message
-`overtaken` by a newer status of its robot was never read, so its content may be anything; a replay leaves it out as
-well. `vendor` is absent if the connection has none, `language` and `topic` if the message came over a WebSocket.
-`proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A message `waits` if its robot is
-not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by a person, who may also say
-that it is `off_floor` (`ingest/fleet/owners/departures.py`). A tick has an `effort` if the engine had no time for
-everything (`deconflict/engine/load_shedding.py`), a number `pending` of answers if advice was still being computed
-(`deconflict/advice/deferred_answers.py`), and `followed` if robots did what they were asked: each robot with that
-for which it was asked (`deconflict/adviser/`).
+An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines or
+with what JSON does not have, as `nan`, is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's
+share of the log does not admit whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and
+`sha256` of the whole. A message `overtaken` by a newer status of its robot was never read, so its content may be
+anything; a replay leaves it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the
+message came over a WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A
+message `waits` if its robot is not examined yet (`ingest/fleet/owners/admission.py`). A robot is `given` to a vendor by
+a person, who may also say that it is `off_floor` (`ingest/fleet/owners/departures.py`). A tick has an `effort` if the
+engine had no time for everything (`deconflict/engine/load_shedding.py`), a number `pending` of answers if advice was
+still being computed (`deconflict/advice/deferred_answers.py`), and `followed` if robots did what they were asked: each
+robot with that for which it was asked (`deconflict/adviser/`).
 
 Times are RFC 3339 in UTC to the microsecond. The service's own times are whole microseconds, so that a replay has
 exactly the numbers of the live run. At each tick, or sooner if there are many, lines go to a thread, which passes them
@@ -60,6 +60,7 @@ FLUSH_BYTES = 1 << 18
 MOST_WAITING_BYTES = 64 << 20
 """Lines that may wait for a slow disk. Further ones are dropped and counted."""
 _WAITS = b',"waits":true'
+_JSON = msgspec.json.Decoder(msgspec.Raw)
 CLOSE_S = 5.0
 """How long `close` waits for the disk."""
 
@@ -103,14 +104,24 @@ class Recorder:
         return self.writer.failing or self.files.failing
 
     def received(
-        self, raw: bytes, arrival_s: float, connection: Connection, rejected: str | None, *, waits: bool = False
+        self,
+        raw: bytes,
+        arrival_s: float,
+        connection: Connection,
+        rejected: str | None,
+        *,
+        waits: bool = False,
+        deviates: bool = True,
     ) -> None:
-        """Record a message, the rule that rejected it if one did, and whether its robot waits to be examined."""
+        """Record a message, the rule that rejected it if one did, and whether its robot waits to be examined.
+
+        One that does not deviate from any rule is JSON by the letter, so that this need not be tried.
+        """
         if rejected:
             self._add_rejected(raw, arrival_s, connection, rejected)
             return
         time, keys = self._line_begin(arrival_s, connection)
-        self._add(_message_line(raw, time, keys + _WAITS if waits else keys))
+        self._add(_message_line(raw, time, keys + _WAITS if waits else keys, deviates=deviates))
 
     def overtaken(self, raw: bytes, arrival_s: float, connection: Connection) -> None:
         """Record a message that was not read, because a newer one came first."""
@@ -205,10 +216,20 @@ def line_of(message: Received) -> bytes:
     return _message_line(message.raw, time, _connection_keys(message.connection) + (_WAITS if message.waits else b""))
 
 
-def _message_line(raw: bytes, time: bytes, connection_keys: bytes) -> bytes:
-    if raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw:
+def _message_line(raw: bytes, time: bytes, connection_keys: bytes, *, deviates: bool = True) -> bytes:
+    is_line = raw[:1] == b"{" and raw[-1:] == b"}" and b"\n" not in raw and b"\r" not in raw
+    if is_line and not (deviates and _is_no_json(raw)):
         return b'{"received":"%b",%b,"message":%b}\n' % (time, connection_keys, raw)
     return b'{"received":"%b",%b,%b}\n' % (time, connection_keys, _quoted(raw).encode())
+
+
+def _is_no_json(raw: bytes) -> bool:
+    """Whether a line with it could not be read."""
+    try:
+        _JSON.decode(raw)
+    except (msgspec.DecodeError, RecursionError):
+        return True
+    return False
 
 
 def _connection_keys(connection: Connection) -> bytes:

@@ -10,6 +10,7 @@ from ingest.fleet.owners.admission import remedy
 from ingest.fleet.robot import Robot
 from ingest.fleet.shown.quarantine import SEVERAL
 from ingest.frames.floor_index import MOST_UNKNOWN, NOWHERE
+from ingest.frames.frame_registry import LONGEST_NAME
 from ingest.languages.front_ends import MASSROBOTICS
 from ingest.languages.rules import MOST_LETTERS, Oddity
 from ingest.settings import Reading
@@ -106,16 +107,20 @@ def _without_floor(robot: Robot, site_floors: Set[str], floors: Mapping[str, int
     frame, seen = robot.frame, robot.seen
     if frame is None or seen is None:
         return None
+    if len(robot.context_key[1]) > LONGEST_NAME:
+        key = MAPS.get(robot.language, "its map")
+        return NotCompared(NO_MAP, f"its map has a name of more than {LONGEST_NAME} letters; send a shorter `{key}`")
     if not frame.comparable:
         return NotCompared(
             NO_MAP,
             f"its position names no map; send `{MAPS.get(robot.language, 'its map')}`, "
             f'or give {robot.vendor} a map with datum = "" in vendors.maps of the site file',
         )
+    named = frame.floor[:MOST_LETTERS]
     if seen.floor == NOWHERE:
         return NotCompared(
             TOO_MANY_MAPS,
-            f"{robot.vendor} has named more than {MOST_UNKNOWN} maps that the site file does not have; {frame.floor!r} "
+            f"{robot.vendor} has named more than {MOST_UNKNOWN} maps that the site file does not have; {named!r} "
             "is not used: send few map names, or add them to vendors.maps",
         )
     if frame.known or not site_floors or floors[frame.floor] > 1:
@@ -125,7 +130,7 @@ def _without_floor(robot: Robot, site_floors: Set[str], floors: Mapping[str, int
     meant = f"did you mean {near!r}?" if near else f"those of the site file are {known}"
     return NotCompared(
         MAP_UNKNOWN,
-        f"no other robot is on its map {frame.floor!r}, which the site file does not have ({meant}); send that of "
+        f"no other robot is on its map {named!r}, which the site file does not have ({meant}); send that of "
         f"the site in `{MAPS.get(robot.language, 'its messages')}`, or add the map to vendors.maps of {robot.vendor}",
     )
 

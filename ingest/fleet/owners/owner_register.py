@@ -9,13 +9,16 @@ from ingest.fleet.owners.vendor_registry import VendorRegistry
 
 FORMAT = 1
 MOST_OWNED = 40_000
-"""Robots kept of one vendor. Beyond, those that were entered longest ago are forgotten, and counted."""
+"""Robots kept of one vendor, and of all together that the site file does not name. Beyond, those that were entered
+longest ago are forgotten, and counted."""
 
 
 class OwnerRegister:
     """Robots by vendor. Only robots whose vendor is settled are entered."""
 
-    def __init__(self) -> None:
+    def __init__(self, configured: Callable[[str], bool]) -> None:
+        """`configured` says whether the site file names a vendor."""
+        self._configured = configured
         self._owners: dict[str, str] = {}
         """The vendor by UUID."""
         self._robots: dict[str, OrderedDict[str, None]] = {}
@@ -35,11 +38,19 @@ class OwnerRegister:
             self._owners[uuid] = vendor
             self._robots.setdefault(vendor, OrderedDict())[uuid] = None
             self.changes += 1
-        robots = self._robots[vendor]
-        robots.move_to_end(uuid)
-        if len(robots) > MOST_OWNED:
-            self._remove(next(iter(robots)))
-            self.forgotten[vendor] = self.forgotten.get(vendor, 0) + 1
+        self._robots[vendor].move_to_end(uuid)
+        if len(self._owners) > MOST_OWNED:
+            self._forget_surplus(vendor)
+
+    def _forget_surplus(self, vendor: str) -> None:
+        """Forget a robot, if there are too many of the vendor or of those with which it shares its room."""
+        others = [name for name in self._robots if not self._configured(name)]
+        sharing = [vendor] if self._configured(vendor) else others
+        counts = {name: len(self._robots[name]) for name in sharing}
+        if sum(counts.values()) > MOST_OWNED:
+            fullest = max(counts, key=counts.__getitem__)
+            self._remove(next(iter(self._robots[fullest])))
+            self.forgotten[fullest] = self.forgotten.get(fullest, 0) + 1
 
     def settle(self, rename: Callable[[str], str | None]) -> None:
         """Give the robots of each vendor to the vendor that `rename` returns, or to nobody if that is None."""

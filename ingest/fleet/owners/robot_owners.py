@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ingest.fleet.owners.admission import Admission
 from ingest.fleet.owners.departures import OffFloor
+from ingest.fleet.owners.kept_bytes import KeptBytes
 from ingest.fleet.owners.language_choice import LanguageChoice
 from ingest.fleet.owners.owner_register import OwnerRegister
 from ingest.fleet.owners.ownership_claims import OwnershipClaims
@@ -28,8 +29,9 @@ class RobotOwners:
     def __init__(self, vendors: VendorRegistry, max_robots_per_vendor: int, claims: OwnershipClaims) -> None:
         self.vendors, self._max_robots_per_vendor, self._claims = vendors, max_robots_per_vendor, claims
         self._languages = LanguageChoice()
-        self.register = OwnerRegister()
+        self.register = OwnerRegister(lambda vendor: self.vendors.configured(vendor))  # noqa: PLW0108 - it is replaced
         self.admission = Admission()
+        self.kept_bytes = KeptBytes()
         self.off_floor = OffFloor()
         self._robot_counts: Counter[str] = Counter()
         """How many robots each vendor has."""

@@ -27,7 +27,10 @@ _REJECTING = (
     rejecting("pose-retained", "A retained odometry or trajectory; it may be of any age.", "topics", alone=False),
     *owner_rules("topics"),
     rejecting(
-        "robots-too-many", "A new robot beyond those that the site allows a vendor or a source.", "topics", alone=False
+        "robots-too-many",
+        "A new robot, or a long message, beyond what a vendor or a source may have.",
+        "topics",
+        alone=False,
     ),
 )
 _KEYS = (

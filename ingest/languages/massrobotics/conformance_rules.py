@@ -30,7 +30,7 @@ _REJECTING = (
     *owner_rules("2.13"),
     rejecting(
         "robots-too-many",
-        "A new UUID beyond the robots that the site allows a vendor or a source.",
+        "A new UUID, or a long message, beyond what a vendor or a source may have.",
         "2.13",
         alone=False,
     ),

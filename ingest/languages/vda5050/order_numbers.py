@@ -4,16 +4,17 @@ Sequence ids say it, if they rise and are each there once. The standard lets the
 begin anew with each update, or count otherwise in states than in orders; then the ids of nodes and edges say it.
 """
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from operator import lt
+from operator import attrgetter, lt
 
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.vda_messages import Edge, VdaNode
 
 STEP = 2
 """Between two nodes that are numbered here, as in orders that number nodes and edges together."""
+_SEQUENCE_ID = attrgetter("sequence_id")
 
 
 def numbers_of(nodes: Sequence[VdaNode], edges: Sequence[Edge], findings: Findings) -> list[int]:
@@ -59,7 +60,8 @@ class _EdgeSearch:
     def __init__(self, edges: Sequence[Edge], by_sequence: Mapping[int, Edge]) -> None:
         self._by_sequence, self._sequence_ids = by_sequence, sorted(by_sequence)
         self._by_ends: dict[tuple[str, str], list[Edge]] = {}
-        for edge in edges:
+        """By the ids of the nodes, in the order of sequence ids."""
+        for edge in sorted(edges, key=_SEQUENCE_ID):
             if edge.start_node_id and edge.end_node_id:
                 self._by_ends.setdefault((edge.start_node_id, edge.end_node_id), []).append(edge)
 
@@ -68,7 +70,9 @@ class _EdgeSearch:
         last = node.sequence_id
         start_id, first = (before.node_id, before.sequence_id) if before else ("", last - STEP)
         if by_ids := self._by_ends.get((start_id, node.node_id)):
-            return next((edge for edge in by_ids if first < edge.sequence_id < last), by_ids[0])
+            row = bisect_right(by_ids, first, key=_SEQUENCE_ID)
+            is_between = row < len(by_ids) and by_ids[row].sequence_id < last
+            return by_ids[row if is_between else 0]
         nearest = last_between(self._sequence_ids, first, last)
         edge = None if nearest is None else self._by_sequence[nearest]
         if edge and before and not _joins(edge, start_id, node.node_id):

@@ -94,6 +94,9 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
     if len(nodes) > MOST_NODES:
         findings.note("order-too-long", "nodes", len(nodes), f"{MOST_NODES} from where the robot is")
         nodes, of_edges = _from_robot_on(nodes, state), Findings()
+    if len(edges) > MOST_NODES:
+        findings.note("order-too-long", "edges", len(edges), f"{MOST_NODES} that lead to the nodes")
+        edges, of_edges = _to_nodes(edges, nodes), Findings()
     numbered = sorted(zip(numbers_of(nodes, edges, findings), nodes, strict=True), key=_NUMBER)
     order_edges, curve_points = {}, 0
     for number, edge in edges_by_end(numbered, edges, of_edges).items():
@@ -108,6 +111,12 @@ def _from_robot_on(nodes: list[VdaNode], state: StateMessage | None) -> list[Vda
     passed = (plain_id(state.last_node_id or ""), state.last_node_sequence_id) if state else None
     row = next((row for row, node in enumerate(nodes) if (plain_id(node.node_id), node.sequence_id) == passed), 0)
     return nodes[row : row + MOST_NODES]
+
+
+def _to_nodes(edges: list[Edge], nodes: list[VdaNode]) -> list[Edge]:
+    """As many edges as are kept, of those that lead to any of the nodes."""
+    ends = {"", *(node.node_id for node in nodes)}
+    return [edge for edge in edges if edge.end_node_id in ends][:MOST_NODES]
 
 
 def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> tuple[Order, ...]:
@@ -237,3 +246,13 @@ def _edge(edge: Edge, is_curve_kept: bool, findings: Findings) -> OrderEdge:
 
 def _positive(value: float | None) -> float | None:
     return value if value is not None and value > 0.0 else None
+
+
+def without_far(state: StateMessage, findings: Findings) -> StateMessage:
+    """The state without nodes and edges that lie too far ahead to be used."""
+    nodes, edges = state.node_states or [], state.edge_states or []
+    longest, part = max((len(nodes), "nodeStates"), (len(edges), "edgeStates"))
+    if longest <= MOST_NODES:
+        return state
+    findings.note("order-too-long", part, longest, f"the first {MOST_NODES}")
+    return msgspec.structs.replace(state, node_states=nodes[:MOST_NODES], edge_states=edges[:MOST_NODES])

@@ -21,7 +21,7 @@ from ingest.languages.tolerance.heard import Heard, heard_after
 from ingest.languages.tolerance.tolerant_json import document, stamp_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
-from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update
+from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -134,6 +134,8 @@ def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
     if not is_used:
         return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory
+    if isinstance(message, StateMessage):
+        message = without_far(message, findings)
     if isinstance(message, VdaMotion):
         return _read_motion(message, topic, stamp, memory, changes, findings)
     memory = msgspec.structs.replace(memory, **changes)

@@ -28,7 +28,10 @@ _REJECTING = (
     rejecting("pose-retained", "A retained state or visualization; it may be of any age.", "topics", alone=False),
     *owner_rules("topics"),
     rejecting(
-        "robots-too-many", "A new robot beyond those that the site allows a vendor or a source.", "topics", alone=False
+        "robots-too-many",
+        "A new robot, or a long message, beyond what a vendor or a source may have.",
+        "topics",
+        alone=False,
     ),
 )
 _HEADER = (
@@ -70,7 +73,11 @@ _WHERE = (
     degrees_rule("state"),
 )
 _WHERE_TO = (
-    Rule("order-too-long", "More than three thousand nodes; three thousand from the robot's last node used.", "order"),
+    Rule(
+        "order-too-long",
+        "More than three thousand nodes or edges; three thousand from the robot's last node used.",
+        "order",
+    ),
     Rule("sequence-ids-odd", "Sequence ids repeat, fall or begin anew; the ids and the order of nodes count.", "order"),
     Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; not used, so that its edge is straight.", "order"),

@@ -12,6 +12,7 @@ from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import OTHER
 from ingest.port.connection import Connection
 from ingest.settings import UNKNOWN, Datum, Model, Reading, Vendor
+from tests.helpers import iso_saying, vda_saying
 from tests.helpers.saying import HALL, LOFT, identity, points, robot, stamp, status
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, documents, fleet
 
@@ -268,6 +269,32 @@ def test_a_vendor_adds_a_limited_number_of_floors_by_unknown_datums() -> None:
     assert [batch.floors[floor] for floor in batch.forecasts.floor[batch.forecasts.start[:-1]]] == [LOFT, HALL]
 
 
+def test_a_map_name_of_any_length_makes_no_batch_and_no_sentence_long() -> None:
+    of, letters = fleet(), 70_000
+    for number in range(2 * MOST_UNKNOWN):
+        name = f"{number} " + "m" * letters
+        ahead = [
+            vda_saying.node(each, 5.0 * each, nodePosition={"x": 5.0 * each, "y": 0.0, "mapId": name})
+            for each in (1, 2)
+        ]
+        place = vda_saying.position(mapId=f"{name} here")
+        t_s = NOW_S + 2 * number
+        of.receive(vda_saying.order(t_s, ahead), t_s, vda_saying.line("order"))
+        state = vda_saying.under_way(t_s + 1, 0.0, 0.0, ahead, agvPosition=place)
+        assert of.receive(state, t_s + 1, vda_saying.line("state")) is None
+    of.receive(
+        iso_saying.iso(NOW_S, pose={"locationPoint": iso_saying.at(0.0, 0.0, ccsId=name)}),
+        NOW_S,
+        iso_saying.line("odometry"),
+    )
+    batch = of.next_batch(NOW_S)
+    assert len(batch.robots) == 2
+    assert len(batch.to_bytes()) < 10_000
+    assert len(json.dumps([documents(of), fleet_report.senders(of, NOW_S)])) < 20_000
+    assert all("more than 200 letters" in shown["not_compared_reason"] for shown in documents(of))
+    assert all(shown["deviations"]["datum-unknown"] for shown in documents(of))
+
+
 def test_an_unknown_datum_is_a_floor_of_its_own_and_found() -> None:
     receiving_fleet = fleet()
     receiving_fleet.receive(status("A-1", NOW_S), NOW_S, LINE)
@@ -360,6 +387,13 @@ def test_the_robots_document_has_everything_that_its_messages_said() -> None:
     assert {key: served["status"][key] for key in answer} == answer
     assert served["status"]["destinations"][0]["x"] == 9.0
     assert served["forecast"]["basis"] == "velocity"
+
+
+def test_of_a_long_message_the_document_has_the_length() -> None:
+    receiving_fleet = fleet()
+    raw = status("A-1", NOW_S, note="a" * fleet_report.MOST_SHOWN_BYTES)
+    receiving_fleet.receive(raw, NOW_S, LINE)
+    assert document(receiving_fleet, "A-1")["status"] == {"uuid": robot("A-1"), "too_long_bytes": len(raw)}
 
 
 def test_levels_are_by_vendor_and_state() -> None:

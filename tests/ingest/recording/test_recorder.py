@@ -20,6 +20,8 @@ from tests.ingest.recording.made_logs import LINE, NOW_S, Clock, read, recorder
 from tests.ingest.recording.packed_logs import settle
 
 RAW = status("A-1", NOW_S)
+ODD_JSON = b"nan NaN -nan(ind) -inf Infinity 1.#IND +0.5 .5 1. 01 1, 'a' True".split()
+"""Values that are no JSON. Some are read all the same."""
 
 
 @pytest.mark.parametrize(
@@ -34,6 +36,9 @@ RAW = status("A-1", NOW_S)
         (b"nonsense \xe2\x82\xac\x00", "not-json"),
         (b"\xff\xfe not utf-8", "not-utf8"),
         (b"", "message-too-large"),
+        *((b'{"x":%b}' % odd, None) for odd in ODD_JSON),
+        (b'{"x":nan,"y":"\xff"}', None),
+        (b'{"x":1}\0', None),
     ],
 )
 def test_a_message_comes_back_to_the_byte(tmp_path: Path, raw: bytes, rejected: str | None) -> None:
@@ -112,6 +117,7 @@ def test_every_line_is_json_that_others_can_read(tmp_path: Path) -> None:
     writer, _ = recorder(tmp_path)
     writer.received(status("A-1", NOW_S, 1.5), NOW_S, LINE, None)
     writer.received(b"\xff", NOW_S, LINE, "not-utf8")
+    writer.received(b'{"x":-nan(ind)}', NOW_S, LINE, None)
     writer.tick(NOW_S)
     writer.close()
     (segment,) = tmp_path.iterdir()

@@ -131,6 +131,21 @@ def test_invented_robots_of_a_vendor_displace_those_of_no_other(
     assert receiving_fleet.measures.values[FORGOTTEN] == {("Basalt",): 3}
 
 
+def test_vendors_that_only_messages_name_share_the_room_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
+    receiving_fleet = fleet(ALDER)
+    for number in range(3):
+        receiving_fleet.receive(status(f"A-{number}", NOW_S), NOW_S, FROM_ALDER)
+    for number in range(6):
+        maker = f"Invented {number // 2}"
+        receiving_fleet.receive(identity(f"I-{number}", NOW_S, manufacturerName=maker), NOW_S, Connection(1))
+    register = receiving_fleet.owners.register
+    assert [register.owner(robot(f"A-{number}")) for number in range(3)] == ["Alder"] * 3
+    kept = [register.owner(robot(f"I-{number}")) for number in range(6)]
+    assert kept == [None, "Invented 0", None, "Invented 1", None, "Invented 2"]
+    assert register.forgotten == {"Invented 0": 1, "Invented 1": 1, "Invented 2": 1}
+
+
 class ComparedName(str):
     """The name of a vendor that counts how often it is compared."""
 
@@ -147,7 +162,7 @@ def test_a_new_robot_of_a_vendor_at_its_limit_costs_no_look_at_robots_of_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
-    register, full = OwnerRegister(), ComparedName("Basalt")
+    register, full = OwnerRegister(lambda _: True), ComparedName("Basalt")
     for number in range(100):
         register.enter(f"other {number}", f"Alder {number}")
     for number in range(4):
@@ -160,7 +175,8 @@ def test_robots_that_were_entered_longest_ago_are_forgotten_first_also_after_a_r
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
-    before, after, vendors = OwnerRegister(), OwnerRegister(), VendorRegistry((ALDER, BASALT))
+    vendors = VendorRegistry((ALDER, BASALT))
+    before, after = OwnerRegister(vendors.configured), OwnerRegister(vendors.configured)
     for uuid, vendor in (("a", "Alder"), ("b", "Basalt"), ("c", "Alder"), ("d", "Alder"), ("a", "Alder")):
         before.enter(uuid, vendor)
     after.read(json.dumps(before.document(vendors)).encode(), vendors)
@@ -190,8 +206,9 @@ def test_a_register_that_cannot_be_written_is_counted_and_written_later(tmp_path
     assert measures.values[FAILURES]["write",] == 1
     directory.mkdir()
     file.write()
-    again = OwnerRegister()
-    again.read((directory / FILE_NAME).read_bytes(), VendorRegistry((ALDER,)))
+    vendors = VendorRegistry((ALDER,))
+    again = OwnerRegister(vendors.configured)
+    again.read((directory / FILE_NAME).read_bytes(), vendors)
     assert again.owner(robot("A-1")) == "Alder"
 
 

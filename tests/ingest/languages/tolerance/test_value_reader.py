@@ -1,6 +1,7 @@
 """The rule by which values are read, on an object that has one key of each kind."""
 
 from math import inf, nan
+from sys import getrefcount
 from typing import Any, Literal
 
 import msgspec
@@ -9,7 +10,7 @@ import pytest
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.model import Rejection, Status
 from ingest.languages.rules import Findings
-from ingest.languages.tolerance.spelling import nearest
+from ingest.languages.tolerance.spelling import folded, nearest
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader
 from tests.helpers import iso_saying, saying, vda_saying
@@ -133,6 +134,14 @@ def test_the_nearest_key_is_found_whatever_the_case() -> None:
     known = frozenset(("planarDatum", "angle", "x"))
     assert nearest("PLANAR_DATM", known) == "planarDatum"
     assert nearest("colour", known) == ""
+
+
+def test_a_long_key_is_not_kept() -> None:
+    key = "colour" * 1000
+    held = getrefcount(key)
+    assert nearest(key, frozenset(("planarDatum",))) == ""
+    assert folded(key) == key[:80]
+    assert getrefcount(key) == held
 
 
 def test_of_a_long_value_the_first_letters_are_named() -> None:

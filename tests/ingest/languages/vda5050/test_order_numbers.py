@@ -7,6 +7,9 @@ from typing import Any
 import pytest
 
 from ingest.languages.model import Status
+from ingest.languages.rules import Findings
+from ingest.languages.vda5050.order_numbers import edges_by_end
+from ingest.languages.vda5050.vda_messages import Edge, VdaNode
 from tests.helpers.vda_saying import edge, node, order, under_way
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
@@ -116,3 +119,37 @@ def test_ids_that_differ_in_case_and_outer_spaces_are_the_same() -> None:
     status = path_by(nodes, [], states, 0, orderId="O1 ", lastNodeId="N0")
     assert [x for _, x, _, _ in status.path.poses] == [4.0, 9.0]
     assert status.findings == ()
+
+
+def test_of_more_edges_than_the_limit_those_from_the_robot_on_are_kept() -> None:
+    nodes = [node(number, 2.0 * number) for number in range(4000)]
+    edges = [edge(number, maxSpeed=0.5) for number in range(4500)]
+    listener = Listener()
+    listener.hears("state", under_way(T - 2, 6998.0, 0.0, nodes[3500:], lastNodeId="n3499"))
+    found = listener.hears("order", order(T - 1, nodes, edges))
+    assert found.findings == ("order-too-long",)
+    assert [(oddity.path, oddity.value) for oddity in found.oddities] == [("nodes", "4000"), ("edges", "4500")]
+    status = listener.status_after(("state", under_way(T, 6999.0, 0.0, nodes[3500:])))
+    assert [(round(t_s - T), round(x)) for t_s, x, _, _ in status.path.poses[:1]] == [(2, 7000)]
+
+
+class ComparedId(int):
+    """Counts how often sequence ids are compared."""
+
+    comparisons = 0
+
+    def __lt__(self, other: int) -> bool:
+        ComparedId.comparisons += 1
+        return super().__lt__(other)
+
+    def __gt__(self, other: int) -> bool:
+        ComparedId.comparisons += 1
+        return super().__gt__(other)
+
+
+def test_edges_between_the_same_nodes_cost_no_time_for_each_pair() -> None:
+    numbered = [(number, VdaNode(2 * number, "A")) for number in range(300)]
+    edges = [Edge(ComparedId(2 * number + 10_000), "A", "A") for number in range(1000)]
+    ComparedId.comparisons = 0
+    assert len(edges_by_end(numbered, edges, Findings())) == 299
+    assert ComparedId.comparisons < 30_000

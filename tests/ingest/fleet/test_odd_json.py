@@ -1,0 +1,34 @@
+"""Messages that are accepted although they are no JSON by the letter: the log must be readable all the same."""
+
+from pathlib import Path
+
+import pytest
+
+from ingest.recording.log_reader import Received
+from tests.helpers import iso_saying, saying, vda_saying
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, fleet
+from tests.ingest.recording.made_logs import read, recorder
+
+SENT = (
+    (LINE, saying.identity("A-1", NOW_S), saying.status("A-1", NOW_S + 1, 1.0, 2.0, batteryPercentage=-77)),
+    (vda_saying.line("state"), vda_saying.state(NOW_S), vda_saying.state(NOW_S + 1, velocity={"vx": -77})),
+    (iso_saying.line("odometry"), iso_saying.odometry(NOW_S), iso_saying.odometry(NOW_S + 1, speed=-77)),
+)
+ODD = ("nan", "NaN", "-nan(ind)", "-inf", "Infinity", "1.#IND", "+0.5", ".5", "1.", "01", "1,", "True", "None", "0x1")
+
+
+@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.parametrize("is_read", [True, False])
+@pytest.mark.parametrize(("connection", "first", "raw"), SENT, ids=["massrobotics", "vda5050", "iso21423"])
+def test_what_is_accepted_comes_back_from_the_log(  # type: ignore[no-untyped-def]
+    tmp_path: Path, connection, first: bytes, raw: bytes, is_read: bool, odd: str
+) -> None:
+    of, sent = fleet(), raw.replace(b"-77", odd.encode()) if is_read else raw[:-1] + f', "other": {odd}}}'.encode()
+    writer, _ = recorder(tmp_path)
+    for at_s, message in ((NOW_S, first), (NOW_S + 1, sent), (NOW_S + 2, sent + b"\0")):
+        rule = of.receive(message, at_s, connection)
+        writer.received(message, at_s, connection, rule, deviates=of.newest_deviates)
+    writer.close()
+    events, unreadable = read(tmp_path)
+    assert unreadable == 0
+    assert [event.raw for event in events if isinstance(event, Received)] == [first, sent, sent + b"\0"]
