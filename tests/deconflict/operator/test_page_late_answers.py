@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.deconflict.operator.http.served_face import Served
+from tests.deconflict.operator.http.served_face import HEARD, Served
 from tests.deconflict.operator.opened_page import opened, shown, text, until
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.asyncio(loop_scope="module")
 
 DECISIONS = re.compile(r"/(acknowledgement|off-floor)$")
+REPORTS = re.compile(r"/robots/[^/]*$")
+BOX = "document.getElementById('detail').textContent"
 CUT_MS = "const { timeout } = AbortSignal; AbortSignal.timeout = () => timeout.call(AbortSignal, 500);"
 
 
@@ -38,9 +40,21 @@ class Held:
                 await asyncio.sleep(0.01)
         return self.routes.pop(0)
 
+    async def report_until_shown(self, page: "Page", battery_pct: int) -> None:
+        """Answer what was asked for last, until the box says the level."""
+        async with asyncio.timeout(PATIENCE_S):
+            while f"battery{battery_pct} %" not in await text(page, "#detail"):
+                if self.routes:
+                    await report(self.routes.pop(), battery_pct)
+                await asyncio.sleep(0.05)
+
 
 async def refuse(route: "Route") -> None:
     await route.fulfill(status=503, json={"detail": "the store is full"})
+
+
+async def report(route: "Route", battery_pct: int) -> None:
+    await route.fulfill(json=HEARD | {"uuid": robot("A-2"), "vendor": "Alder", "battery_pct": battery_pct})
 
 
 @asynccontextmanager
@@ -137,3 +151,25 @@ async def test_a_decision_without_an_answer_is_given_up(browser: "Browser", face
         await page.evaluate(CUT_MS)
         await press_take(page, 1)
         await until(page, "document.getElementById('refused').textContent === 'Not stored: signal timed out'")
+
+
+async def test_an_older_report_of_a_robot_replaces_no_newer_one(browser: "Browser", face: Served) -> None:
+    async with opened(browser, face) as page, held(page, REPORTS) as reports:
+        await find(page, "A-2")
+        first = await reports.next()
+        await reports.report_until_shown(page, 42)
+        await report(first, 83)
+        await asyncio.sleep(0.5)
+        assert "battery83 %" not in await text(page, "#detail")
+
+
+async def test_what_a_robot_reported_is_shown_for_some_seconds_after_it_was_asked_for(
+    browser: "Browser", face: Served
+) -> None:
+    async with opened(browser, face) as page, held(page, REPORTS) as reports:
+        await find(page, "A-2")
+        await reports.report_until_shown(page, 42)
+        await refuse(await reports.next())
+        await until(page, f"!{BOX}.includes('battery') && {BOX}.includes('last message')")
+        assert await page.get_attribute("html", "data-state") == "live"
+        await reports.report_until_shown(page, 41)
