@@ -15,6 +15,12 @@ REMEDY = "set cluster.ingests, engines and faces to what must be there"
 SILENT_FOLLOWER = "the follower of this face does not answer"
 
 
+def health_part(reasons: Iterable[str], **fields: Any) -> dict[str, Any]:
+    """A part of the health: degraded if there is a reason that is not empty. `fields` follow."""
+    reason = "; ".join(filter(None, reasons))
+    return {**({"status": "degraded", "reason": reason} if reason else {"status": "ok"}), **fields}
+
+
 def members_document(settings: Cluster, there: Iterable[str], gone: Sequence["NotedMember"]) -> dict[str, Any]:
     """The part `members` of the health. `there` are the parts of all members that are there."""
     found = Counter(there)
@@ -23,13 +29,11 @@ def members_document(settings: Cluster, there: Iterable[str], gone: Sequence["No
     lacking = {part: number - found[part] for part, number in expected.items() if number > found[part]}
     named = {part: [each for each in gone if each.part == part][:number] for part, number in lacking.items()}
     reasons = [f"{part}s there: {found[part]} of {expected[part]} ({_known(each)})" for part, each in named.items()]
-    return {
-        "status": "degraded" if reasons else "ok",
-        **({"reason": f"{'; '.join(reasons)}; see its log, start it or another one, or {REMEDY}"} if reasons else {}),
-        "there": {part: found[part] for part in expected},
-        "expected": expected,
-        "gone": [each._asdict() for members in named.values() for each in members],
-    }
+    if reasons:
+        reasons.append(f"see its log, start it or another one, or {REMEDY}")
+    there_by_part = {part: found[part] for part in expected}
+    away_members = [each._asdict() for members in named.values() for each in members]
+    return health_part(reasons, there=there_by_part, expected=expected, gone=away_members)
 
 
 def unknown_members(why: str) -> dict[str, Any]:

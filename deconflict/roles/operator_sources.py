@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from deconflict.cluster.members_health import SILENT_FOLLOWER, unknown_members
+from deconflict.cluster.members_health import SILENT_FOLLOWER, health_part, unknown_members
 from deconflict.engine.load_shedding import Effort
 from deconflict.operator.blackbox.archive import FOLDER, Archive
 from deconflict.operator.http.api_sources import SourceUnavailableError
@@ -166,7 +166,7 @@ class OperatorSources:
             "off_floor": off_floor_document(off_floor),
         }
         if self.is_alone:
-            parts["cluster"] = {"status": "degraded", "reason": ALONE}
+            parts["cluster"] = health_part([ALONE])
         else:
             parts["canary"] = self._engine.canary.document(time.monotonic())
         if self._is_cluster:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from deconflict.settings.hot_reload import write
 
 ROLES_FILE = "roles.json"
@@ -63,11 +64,9 @@ def supervisor_health(runtime: Path) -> dict[str, Any]:
     try:
         age_s = time.time() - (runtime / ROLES_FILE).stat().st_mtime
     except FileNotFoundError:
-        return {"status": "ok"}
-    if abs(age_s) <= SUPERVISOR_SILENCE_S:
-        return {"status": "ok"}
+        return health_part([])
     reason = f"the supervisor has been silent for {age_s:.0f} s; it restarts no role and reads no changed site file"
-    return {"status": "degraded", "reason": reason}
+    return health_part([reason] if abs(age_s) > SUPERVISOR_SILENCE_S else [])
 
 
 def early_end(runtime: Path, role: str) -> str:

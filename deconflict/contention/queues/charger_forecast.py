@@ -158,10 +158,8 @@ def _shortage(
         [robot for queue in known for robot in queue.present_at(now_s + ahead_s)] for ahead_s in AHEAD_S.tolist()
     ]
     rooms = [capacity - len(present) for present in present_by]
-    likely = [
-        more_than(room, np.array([need.likely[column] for need in expected])) if room >= 0 else 0.0
-        for column, room in enumerate(rooms)
-    ]
+    counts, likely_by = np.maximum(rooms, 0), np.array([need.likely for need in expected])
+    likely = np.where(np.array(rooms) >= 0, more_than(counts, likely_by), 0.0).tolist()
     bound = LIKELY if max(likely) >= LIKELY or pool[0] not in standing else HELD
     column = next((column for column, probability in enumerate(likely) if probability >= bound), None)
     if column is None:
@@ -180,11 +178,14 @@ def _named(needs: Sequence[ChargingNeed], column: int, room: int) -> tuple[Charg
     return tuple(likeliest[: max(expected, room + 1)])
 
 
-def more_than(count: int, likely: Floats) -> float:
-    """The probability that more than `count` of n independent events happen; `likely` (n,) are their probabilities."""
-    exactly = np.zeros(min(count, len(likely)) + 1)
-    exactly[0] = 1.0
-    for probability in likely.tolist():
-        exactly[1:] = exactly[1:] * (1 - probability) + exactly[:-1] * probability
-        exactly[0] *= 1 - probability
-    return max(1.0 - float(exactly.sum()), 0.0)
+def more_than(counts: Ints, likely: Floats) -> Floats:
+    """(m,) the probability that more than `counts` (m,) of n independent events happen; `likely` (n, m) are theirs.
+
+    Row k + 1 of `exactly` is the probability of k events. Row 0 stays empty, so that one step serves all rows.
+    """
+    exactly = np.zeros((min(int(counts.max()), len(likely)) + 2, len(counts)))
+    exactly[1] = 1.0
+    for happens, happens_not in zip(likely, 1 - likely, strict=True):
+        exactly[1:] = exactly[1:] * happens_not + exactly[:-1] * happens
+    numbers = np.arange(-1, len(exactly) - 1)[:, None]
+    return np.maximum(1.0 - exactly.sum(axis=0, where=numbers <= counts), 0.0)

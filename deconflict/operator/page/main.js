@@ -1,6 +1,6 @@
 // Puts the page together: the floor and the warnings of the time that is shown.
 
-import { acknowledge, remember, remembered } from "./list/acknowledge.js";
+import { acknowledge, lateFailures, remember, remembered } from "./list/acknowledge.js";
 import { Alarm } from "./list/alarm.js";
 import { Camera } from "./map/camera.js";
 import { Cards, lines, setText } from "./list/cards.js";
@@ -142,7 +142,7 @@ function draw(at) {
   if (name !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
   if (root.dataset.state !== name) root.dataset.state = name;
   setText($("status"), text);
-  setText($("notice"), live.health.notice ?? "");
+  setText($("notice"), [...lateFailures, live.health.notice ?? ""].join(" "));
   setText($("clock"), clock(shown.atS));
   past.say();
   floor ??= floors()[0]?.id ?? null;

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from deconflict.roles.health.refusal_health import MOST_NAMED
 from deconflict_client.counted_nouns import count_of
 from ingest.fleet.owners.admission import PARTLY_EXAMINED, UNEXAMINED, remedy
@@ -13,29 +14,25 @@ def admission_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The part `admission` of the health. `documents` are the measures of all receivers."""
     by_source = {source: int(count) for (source,), count in joined_values(documents).get(UNEXAMINED, {}).items()}
     waiting = sum(by_source.values())
-    if not waiting:
-        return {"status": "ok", "waiting": 0}
     named = ", ".join(f"{count} of {source}" for source, count in sorted(by_source.items()))
     reason = (
         f"{waiting} new robots are shown, but not yet compared with others: {named}; "
         f"a few are each minute; for all at once, {remedy(by_source)}"
     )
-    return {"status": "degraded", "reason": reason, "waiting": waiting}
+    return health_part([reason] if waiting else [], waiting=waiting)
 
 
 def pairs_document(documents: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The part `pairs` of the health. `documents` are the measures of all engines."""
     by_vendor = {vendor: int(count) for (vendor,), count in joined_values(documents).get(PARTLY_EXAMINED, {}).items()}
     robots = sum(by_vendor.values())
-    if not robots:
-        return {"status": "ok", "robots": 0}
     named = ", ".join(f"{count} of {vendor}" for vendor, count in sorted(by_vendor.items())[:MOST_NAMED])
     reason = (
         f"{count_of(robots, 'robot is', 'robots are')} compared with some others only: {named}; "
         "they report from one place, or more robots come "
         "near them than have room there; check their places and sizes (partly_examined in GET /presence)"
     )
-    return {"status": "degraded", "reason": reason, "robots": robots}
+    return health_part([reason] if robots else [], robots=robots)
 
 
 def off_floor_document(robots: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any, NamedTuple
 
+from deconflict.cluster.members_health import health_part
 from deconflict.settings.site import Site
 from ingest.security.certificate_expiry import expires_s
 from ingest.security.certificates import CertificateError, client_context, server_context, signatures
@@ -90,9 +91,7 @@ class CertificateHealth:
         if ending:
             sentences = "; ".join(_sentence(key, end_s, now_s) for key, end_s in sorted(ending.items()))
             reasons.append(f"{sentences}; renew what ends, a changed file is read within seconds")
-        if not reasons:
-            return {"status": "ok", "expires_s": expiry_s}
-        return {"status": "degraded", "reason": "; ".join(reasons), "expires_s": expiry_s}
+        return health_part(reasons, expires_s=expiry_s)
 
     def _look(self, site: Site) -> None:
         before, self._read = self._read, {}

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from ingest.recording.clock_notes import ClockFile, ClockNotes, clock_sentence
 
 LOOK_EVERY_S = 5.0
@@ -30,8 +31,7 @@ class ClockHealth:
 
     def document(self) -> dict[str, Any]:
         """The part `clock` of the health."""
-        reason = self._reason()
-        return {"status": "degraded", "reason": reason} if reason else {"status": "ok"}
+        return health_part([self._reason()])
 
     def _reason(self) -> str:
         return clock_sentence(self._notes, time.time())

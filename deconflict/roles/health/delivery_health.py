@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from deconflict.roles.health.refusal_health import SHOWN_S
 from deconflict.runtime.set_asides import SET_ASIDE
 from ingest.measures.measures import joined_values
@@ -58,5 +59,4 @@ class DeliveryHealth:
             reasons.append(f"advisories reach the store {delay_s:.0f} s late")
         if ago_s < SHOWN_S:
             reasons.append(f"a revision was set aside {ago_s:.0f} s ago, and nobody received it; the log names it")
-        status = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
-        return status | {"delay_s": round(delay_s, 1)}
+        return health_part(reasons, delay_s=round(delay_s, 1))

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from deconflict.operator.blackbox.archive import FOLDER, REGISTER
 from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.operator.ledger import loss_ledger
@@ -106,10 +107,8 @@ class FileHealth:
         faults |= {name: outage for name, outage in (outages or {}).items() if outage} | self._faults
         if now_s - self._looked_s > SILENT_S:
             faults = {"the data directory": f"its disk has not answered for {now_s - self._looked_s:.0f} s; check it"}
-        if not faults:
-            return {"status": "ok"}
-        reason = "; ".join(f"{name}: {fault}" for name, fault in faults.items())
-        return {"status": "degraded", "reason": reason, "faults": faults}
+        reasons = [f"{name}: {fault}" for name, fault in faults.items()]
+        return health_part(reasons, **({"faults": faults} if faults else {}))
 
     def _note_removed(self, name: str, aside_before: int | None, aside: int | None) -> None:
         self._set_aside.discard(name)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from deconflict.roles.health.refusal_health import MOST_NAMED
 from deconflict_client.counted_nouns import count_of
 from ingest.fleet.fleet_report import NOT_COMPARED
@@ -41,8 +42,7 @@ def positions_document(documents: Sequence[dict[str, Any]], senders: Sequence[di
     if unread:
         named = ", ".join(unread[:MOST_NAMED])
         reasons.append(f"all messages of {named} are rejected: GET /quarantine says why, and what to change")
-    document: dict[str, Any] = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
-    return document | {"robots": sum(robots.values())}
+    return health_part(reasons, robots=sum(robots.values()))
 
 
 def _example(vendor: str, fault: str, senders: Sequence[dict[str, Any]]) -> str:
@@ -62,7 +62,7 @@ def brokers_document(brokers: Sequence[dict[str, Any]]) -> dict[str, Any]:
     unheard = quiet + [name for name, ingests in heard_by.items() if not ingests]
     document: dict[str, Any] = {"status": "ok", "notes": notes} | ({"heard_by": heard_by} if heard_by else {})
     if unheard:
-        document |= {"status": "degraded", "reason": f"no robot is heard at {', '.join(unheard)}: {'; '.join(notes)}"}
+        document |= health_part([f"no robot is heard at {', '.join(unheard)}: {'; '.join(notes)}"])
     return document
 
 

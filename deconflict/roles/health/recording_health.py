@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from deconflict.cluster.members_health import health_part
 from ingest.measures.measures import joined_values
 
 FAILING = "deconflict_recording_failing"
@@ -26,10 +27,9 @@ class RecordingHealth:
 
     def document(self) -> dict[str, Any]:
         """The part `recording` of the health."""
+        reason = ""
         if self._is_failing:
             reason = "nothing is recorded; the log of the receiver says why"
         elif self._is_packing_failing:
             reason = "older segments are not packed and fill the disk sooner; the log of the receiver says why"
-        else:
-            return {"status": "ok", "lines_dropped": self._dropped}
-        return {"status": "degraded", "reason": reason, "lines_dropped": self._dropped}
+        return health_part([reason], lines_dropped=self._dropped)

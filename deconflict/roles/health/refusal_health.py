@@ -1,6 +1,6 @@
 """What the service has refused, dropped or lost in the last minutes, by its counters. One rule says it of all of them.
 
-`RULES` has every counter of the catalogue: how its rise is said, or why it is not.
+The test of this file has the counters of the catalogue that `RULES` has not, and why.
 """
 
 from collections import defaultdict, deque
@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
+from deconflict.cluster.members_health import health_part
 from ingest.measures.measures import joined_values
 
 SHOWN_S = 600.0
@@ -33,23 +34,7 @@ class Shown(NamedTuple):
     """Never: others than the site can make it rise, and nobody else suffers from it."""
 
 
-class LeftOut(NamedTuple):
-    """A rise is not said here."""
-
-    why: str
-
-
-def _part(name: str) -> LeftOut:
-    return LeftOut(f"`{name}` in health says it")
-
-
-def _other(kind: str) -> LeftOut:
-    return LeftOut(f"nothing is refused or lost: it counts {kind}")
-
-
-Rule = Shown | LeftOut
-
-_CONNECTIONS: dict[str, Rule] = {
+_CONNECTIONS: dict[str, Shown | None] = {
     "full": Shown(
         "connections of robots were refused because all places were taken",
         "raise the limit of open files (ulimit -n, LimitNOFILE) or receiver.max_connections; the log says which is "
@@ -77,8 +62,8 @@ _CONNECTIONS: dict[str, Rule] = {
     "vendor-removed": Shown("connections of vendors were closed that the site file no longer has", WHO),
     "protocol-error": Shown("connections of robots were closed after what is no WebSocket", WHO),
     "unread": Shown("connections of robots were closed because they read nothing", WHO),
-    "idle": LeftOut("robots that have nothing to say, or have left"),
-    "face-idle": LeftOut("browsers and clients keep connections open that they no longer use"),
+    "idle": None,
+    "face-idle": None,
     "face-full": Shown(
         "connections to the operators' port were refused, too many were in their handshake", "see who connects"
     ),
@@ -92,14 +77,13 @@ _CONNECTIONS: dict[str, Rule] = {
 }
 _AGAIN = "it is tried again; `files` or the log says why"
 
-RULES: dict[str, Rule | Mapping[str, Rule]] = {
+RULES: dict[str, Shown | Mapping[str, Shown | None]] = {
     "deconflict_connections_refused_total": _CONNECTIONS,
     "deconflict_messages_shed_total": Shown(
         "messages were not read, because their vendor sends too many",
         "newer ones of these robots were; have it send fewer, or raise receiver.max_messages_per_s and max_bytes_per_s",
     ),
     "deconflict_rejections_total": Shown("messages were rejected", "GET /quarantine says why, and what to change"),
-    "deconflict_messages_total": LeftOut("`deconflict_rejections_total` counts those that are refused"),
     "deconflict_rejected_cut_total": Shown(
         "rejected messages were recorded in part or not", "GET /quarantine says who sends so many, and why"
     ),
@@ -136,8 +120,8 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
             "near misses have no black box: too many of these vendors came at once",
             "see GET /situations for what goes on",
         ),
-        "kept": _other("black boxes that were kept"),
-        "unfounded": _other("near misses that reports do not show"),
+        "kept": None,
+        "unfounded": None,
     },
     "deconflict_situation_failures_total": Shown(
         "times situations could not be made", "they began anew; report the error in the log", 1
@@ -159,7 +143,7 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
         "size": Shown(
             "cleared advisories were removed before store.keep_days", "raise store.advisories_bytes if you need them"
         ),
-        "age": _other("advisories that are as old as store.keep_days says"),
+        "age": None,
     },
     "deconflict_owners_failures_total": Shown("attempts to read or write owners.json failed", _AGAIN, 1),
     "deconflict_kept_messages_failures_total": Shown("attempts to read or write robots.db failed", _AGAIN, 1),
@@ -173,44 +157,8 @@ RULES: dict[str, Rule | Mapping[str, Rule]] = {
     "deconflict_usual_places_dropped_total": Shown(
         "places were forgotten whose usual waits were known", "there are too many places; they are learned anew"
     ),
-    "deconflict_advisories_set_aside_total": _part("delivery"),
-    "deconflict_store_failures_total": _part("store"),
-    "deconflict_pairs_left_out_total": _part("pairs"),
-    "deconflict_deadlines_missed_total": _part("effort"),
-    "deconflict_site_reloads_total": _part("site"),
-    "deconflict_role_restarts_total": _part("restarts"),
-    "deconflict_statuses_superseded_total": _other("statuses of which the engine read a newer one"),
-    "deconflict_revisions_deferred_total": _other("revisions that come in a later pass"),
-    "deconflict_robots_forgotten_total": _other("robots that were silent for reading.forget_after_s"),
-    "deconflict_robots_moved_total": _other("robots that were moved; GET /robots says which"),
-    "deconflict_silences_total": _other("silences of robots"),
-    "deconflict_forecasts_distrusted_total": _other("forecasts that count less; GET /presence lists their robots"),
-    "deconflict_deviations_total": _other("deviations in messages that were accepted"),
-    "deconflict_advice_refused_total": _other("answers of vendors; GET /vendors has them"),
-    "deconflict_advice_refused_seconds_total": _other("time of robots; GET /vendors has it"),
-    "deconflict_advice_ended_total": _other("pieces of advice that ended"),
-    "deconflict_advice_asked_total": _other("pieces of advice"),
-    "deconflict_advice_yielded_seconds_total": _other("time of robots"),
-    "deconflict_lost_seconds_total": _other("time that robots lost to each other"),
-    "deconflict_near_misses_total": _other("near misses"),
-    "deconflict_recorded_bytes_total": _other("bytes that were recorded"),
-    "deconflict_ticks_total": _other("ticks"),
-    "deconflict_situations_total": _other("revisions"),
-    "deconflict_advisories_total": _other("revisions"),
-    "deconflict_advisories_stored_total": _other("revisions"),
-    "deconflict_conflicts_ended_total": _other("conflicts"),
-    "deconflict_warnings_judged_total": _other("warnings"),
-    "deconflict_vendor_warnings_judged_total": _other("warnings"),
-    "deconflict_events_judged_total": _other("events on the floor"),
-    "deconflict_vendor_events_judged_total": _other("events on the floor"),
-    "deconflict_probability_outcomes_total": _other("outcomes that probabilities are learned from"),
-    "deconflict_sweep_segment_pairs_total": _other("work of the engine"),
-    "deconflict_sweep_fcl_calls_total": _other("work of the engine"),
-    "deconflict_ordinary_waits_total": _other("waits of robots"),
-    "deconflict_ordinary_wait_seconds_total": _other("waits of robots"),
-    "deconflict_outlet_deliveries_total": _other("deliveries"),
 }
-"""By counter. Where reasons differ in their weight, by the first label; `""` is any other."""
+"""By counter. Where reasons differ in their weight, by the first label; `""` is any other, and None is not said."""
 OTHERWISE = Shown("more were refused for another reason", "the log says why")
 """Of a reason that its counter does not have here."""
 
@@ -258,8 +206,7 @@ class RefusalHealth:
         for rule, rises in _by_rule(self._sums).items():
             is_fault = sum(each.by for each in rises.values()) >= rule.degraded_from
             (reasons if is_fault else notes).append(_sentence(rule, rises, now_s))
-        document = {"status": "degraded", "reason": "; ".join(reasons)} if reasons else {"status": "ok"}
-        return {**document, "notes": notes}
+        return health_part(reasons, notes=notes)
 
     def _sum(self, series: Series, now_s: float) -> Rises:
         rises = self._rises[series]
@@ -268,10 +215,12 @@ class RefusalHealth:
         return Rises(sum(each.by for each in rises), now_s - SHOWN_S, rises[-1].last_s if rises else -inf)
 
 
-def rule_of(name: str, label: str) -> Rule:
-    """Of a counter, and of its first label if its rule depends on it."""
+def rule_of(name: str, label: str) -> Shown | None:
+    """Of a counter, and of its first label if its rule depends on it; None if that is not said."""
     rule = RULES[name]
-    return rule if isinstance(rule, Shown | LeftOut) else rule.get(label) or rule.get("", OTHERWISE)
+    if isinstance(rule, Shown):
+        return rule
+    return rule[label] if label in rule else rule.get("", OTHERWISE)
 
 
 def _shown_values(documents: Sequence[dict[str, Any]]) -> dict[Series, float]:
@@ -279,7 +228,7 @@ def _shown_values(documents: Sequence[dict[str, Any]]) -> dict[Series, float]:
     for name, series in joined_values(documents).items():
         for labels, value in series.items() if name in RULES else ():
             label = labels[0] if labels else ""
-            if isinstance(rule_of(name, label), Shown):
+            if rule_of(name, label):
                 values[name, label] += value
     return values
 
@@ -288,8 +237,7 @@ def _by_rule(sums: Mapping[Series, Rises]) -> dict[Shown, dict[str, Rises]]:
     """By rule, what has risen; by first label, unless the rule is of this label only."""
     by_rule: dict[Shown, dict[str, Rises]] = {}
     for (name, label), rises in sums.items():
-        rule = rule_of(name, label)
-        if isinstance(rule, Shown):
+        if rule := rule_of(name, label):
             is_of_label = isinstance(RULES[name], Mapping) and label in RULES[name]
             by_rule.setdefault(rule, {})["" if is_of_label else label] = rises
     return by_rule

@@ -25,7 +25,7 @@ from deconflict_client.situations import Situation
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
-from tests.deconflict.operator.bad_network import BadNetwork, Fate
+from tests.deconflict.operator.bad_network import AT_ONCE, BadNetwork, Fate
 from tests.deconflict.operator.http.served_face import Served, served
 from tests.deconflict.operator.opened_page import cleared, shown
 from tests.helpers.patience import PATIENCE_S
@@ -182,15 +182,18 @@ class Watched:
     async def until_said(self, words: str) -> None:
         await self.until(f"/{words}/.test(document.getElementById('status').textContent)")
 
-    async def go(self, back_s: float) -> None:
+    async def go(self, back_s: float) -> float:
+        """Choose a moment that lies so far back."""
+        chosen_s = time.time() - back_s
         await self.page.evaluate(
             """(atS) => {
                 const moment = Object.assign(document.getElementById("moment"), { min: 0, max: 1e11, step: "any" });
                 moment.value = atS;
                 moment.dispatchEvent(new Event("input"));
             }""",
-            time.time() - back_s,
+            chosen_s,
         )
+        return chosen_s
 
     async def press_live(self) -> None:
         await self.page.evaluate("document.getElementById('live').click()")
@@ -253,10 +256,10 @@ async def test_answers_of_the_past_in_any_order_are_shown_as_what_they_are(brows
         await seen.until_held("past")
         await seen.for_s(0.5)
         await seen.press_live()
-        await seen.go(5)
+        chosen_s = await seen.go(5)
         await seen.until_held("past", 2)
         seen.network.release("past", lambda answers: answers.reverse())
-        await seen.until_said("^Showing [0-9:]+, [5-9] s ago")
+        await seen.until_said(f"^Showing {datetime.fromtimestamp(chosen_s, UTC):%H:%M:%S}")
         await seen.for_s(0.5)
 
 
@@ -285,6 +288,17 @@ async def test_a_lost_answer_of_the_past_keeps_no_later_one_away(browser: "Brows
         await seen.for_s(0.5)
         await seen.press_live()
         seen.network.clear_up()
+        await seen.go(8)
+        await seen.until_said("^Showing")
+
+
+async def test_an_answer_of_the_past_that_does_not_come_in_time_is_asked_for_again(
+    browser: "Browser", tmp_path: Path
+) -> None:
+    async with watched(browser, tmp_path) as seen:
+        await seen.until_said("^Live")
+        late = iter([[3.5]])
+        seen.network.fates["past"] = lambda: next(late, AT_ONCE)
         await seen.go(8)
         await seen.until_said("^Showing")
 

@@ -7,6 +7,7 @@ const SPAN_MS = 10_000;
 const STEP_S = 10;
 const LONG_S = 5; // an answer that takes longer is given up if another moment is chosen, one that takes much longer is lost
 const LOST_MS = 60_000;
+const RETRY_MS = 1000;
 
 export class Past {
   // `changed` is called when another time is shown.
@@ -46,7 +47,8 @@ export class Past {
     this.changed();
   }
 
-  // Reads the moment that is chosen, and then the one that has been chosen meanwhile: the service reads one after the other, too.
+  // Reads the moment that is chosen, again if its answer is lost, and then the one that has been chosen meanwhile: the service reads
+  // one after the other, too.
   async readMoments() {
     if (this.reading) return;
     while (this.shown.isReading) {
@@ -55,7 +57,8 @@ export class Past {
       try {
         this.shown.take(turn, await read(`past?at_s=${chosenS}`, AbortSignal.any([this.reading.signal, AbortSignal.timeout(LOST_MS)])));
       } catch (error) {
-        this.shown.fail(turn, error.message);
+        if (isLost(error)) await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+        else this.shown.fail(turn, error.message);
       }
     }
     this.reading = null;
@@ -68,3 +71,6 @@ export class Past {
     if (this.time.textContent !== time) this.time.textContent = this.moment.ariaValueText = time;
   }
 }
+
+// Whether no answer came, in time or for the network. Of an answer that was given up, another turn is the newest.
+function isLost(error) { return error.name === "TimeoutError" || error instanceof TypeError; }

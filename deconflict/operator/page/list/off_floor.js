@@ -1,44 +1,20 @@
 // Robots that are off the floor, as an operator says: the dialog that says so, and the list from which they are put back.
 
-import { SOMEBODY, problem, remember, remembered } from "./acknowledge.js";
+import { Question, SOMEBODY, remembered } from "./acknowledge.js";
 import { setText } from "./cards.js";
+import { post } from "../floor/reading.js";
 import { ago, clock, plural } from "../texts.js";
 
 const $ = (id) => document.getElementById(id);
-const dialog = $("off-floor");
+const question = new Question($("off-floor"), $("off-floor-who"), $("off-floor-refused"), "Not done");
 
 // Asks whether a robot is off the floor.
 export function askOffFloor({ uuid, name }, signedIn) {
   setText($("off-floor-what"), `${name} counts as nowhere: nobody is warned of it, and nothing waits for it. This holds until it is heard elsewhere or drives, or until somebody puts it back.`);
-  setText($("off-floor-refused"), "");
-  const who = $("off-floor-who");
-  who.required = !signedIn;
-  who.closest("label").hidden = signedIn;
-  who.value ||= remembered("name") ?? "";
-  dialog.querySelector("form").onsubmit = (event) => {
-    if (event.submitter?.value !== "send") return;
-    event.preventDefault();
-    send(uuid, who.value);
-  };
-  dialog.showModal();
+  question.ask(name, signedIn, (by) => mark(uuid, true, by));
 }
 
-async function send(uuid, name) {
-  try {
-    await post(uuid, true, name);
-    remember("name", name);
-    dialog.close();
-  } catch (error) {
-    setText($("off-floor-refused"), `Not done: ${error.message}`);
-  }
-}
-
-async function post(uuid, isOff, name) {
-  const answer = await fetch(`robots/${uuid}/off-floor`, {
-    method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ off_floor: isOff, name }),
-  });
-  if (!answer.ok) throw new Error(problem((await answer.json()).detail));
-}
+function mark(uuid, isOff, name) { return post(`robots/${uuid}/off-floor`, { off_floor: isOff, name }); }
 
 // Lists the robots that are off the floor, each with the button that puts it back, and those that came back by themselves.
 export function listOffFloor(robots, nowS) {
@@ -62,7 +38,7 @@ function line(robot, nowS) {
   button.ariaLabel = `Put ${robot.name} back on the floor`;
   button.onclick = async () => {
     button.disabled = true;
-    try { await post(robot.uuid, false, remembered("name") ?? SOMEBODY); } catch (error) {
+    try { await mark(robot.uuid, false, remembered("name") ?? SOMEBODY); } catch (error) {
       button.disabled = false;
       item.append(` Not done: ${error.message}`);
     }

@@ -1,10 +1,12 @@
 // One robot in a box beside the map, and the robots of a floor as a table.
 
+import { pageS } from "../floor/page_clock.js";
 import { read } from "../floor/reading.js";
 import { ago, likely, span, titled } from "../texts.js";
 
 const LISTED = 200;
-const READ_MS = 2000; // what a robot says of itself is asked for so often while its box is shown
+const READ_S = 2; // what a robot says of itself is asked for so often while its box is shown
+const OLD_S = 6; // what was asked for longer ago is not of now
 const STATES = {
   navigating: "drives", charging: "charges", waitingHumanEvent: "waits for a person", waitingExternalEvent: "waits for something around it",
   waitingInternalEvent: "busy with itself", manualOverride: "driven by hand",
@@ -29,7 +31,7 @@ export class RobotBox {
     this.follow.onclick = follow;
     this.takeOff = Object.assign(document.createElement("button"), { type: "button", textContent: "Off the floor…", className: "follow" });
     this.takeOff.onclick = takeOff;
-    this.asked = { uuid: null, atMs: 0, report: null };
+    this.asked = this.answered = { uuid: null, atS: -Infinity };
     box.append(this.title, close, this.follow, this.takeOff, this.facts);
     box.addEventListener("keydown", ({ key }) => { if (key === "Escape") hide(); });
   }
@@ -54,27 +56,27 @@ export class RobotBox {
     this.facts.replaceChildren(...rows.flatMap(([term, fact]) => [["dt", term], ["dd", fact]]).map(([tag, textContent]) => Object.assign(document.createElement(tag), { textContent })));
   }
 
-  // Where the robot goes, its battery and its load, as far as it says. Empty before the first answer.
+  // Where the robot goes, its battery and its load, as far as it says. Empty without an answer of now.
   doing(uuid, { nowS, whereIs }) {
     this.ask(uuid);
-    const { destination, battery_pct: battery, run_time_left_s: leftS, load_used_pct: load } = this.asked.report ?? {};
+    const { answered } = this, isOfNow = answered.uuid === uuid && pageS() - answered.atS < OLD_S;
+    const { destination, battery_pct: battery, run_time_left_s: leftS, load_used_pct: load, moved } = isOfNow ? answered.report : {};
     const rows = [];
     if (destination) rows.push(["goes to", `${whereIs(destination)}${expected(destination.expected_s, nowS)}`]);
     if (known(battery) || known(leftS)) rows.push(["battery", [known(battery) ? `${Math.round(battery)} %` : "", known(leftS) ? `lasts ${span(leftS)}` : ""].filter(Boolean).join(", ")]);
-    const { moved } = this.asked.report ?? {};
     if (moved && nowS - moved.at_s < MOVED_SHOWN_S) rows.push(["moved", `${moved.sentence}, ${ago(nowS - moved.at_s)}`]);
     if (known(load)) rows.push(["load", load ? `${Math.round(load)} % of what it can carry` : "none"]);
     return rows;
   }
 
   async ask(uuid) {
-    const nowMs = performance.now(), isSame = this.asked.uuid === uuid;
-    if (isSame && nowMs - this.asked.atMs < READ_MS) return;
-    this.asked = { uuid, atMs: nowMs, report: isSame ? this.asked.report : null };
+    const atS = pageS();
+    if (this.asked.uuid === uuid && atS - this.asked.atS < READ_S) return;
+    this.asked = { uuid, atS };
     try {
       const report = await read(`robots/${uuid}`);
-      if (this.asked.uuid === uuid) this.asked.report = report;
-    } catch { /* the live stream says that the service is lost */ }
+      if (atS > this.answered.atS) this.answered = { uuid, atS, report };
+    } catch { /* the last answer counts until it is old */ }
   }
 }
 

@@ -11,6 +11,7 @@ from deconflict.contention.queues.queue_forecast import QueueEntry, forecast_que
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.settings.shared_places import Resource
 from deconflict_client.advisory import ContentionAdvisory
+from ingest.batch import Floats
 from tests.deconflict.contention.queues.made_driver import Driver, Levels
 from tests.deconflict.contention.scenes import Scene, Script, raised, resource, site
 from tests.helpers.saying import robot
@@ -157,14 +158,34 @@ def test_a_shortage_has_one_advisory_until_the_need_is_over() -> None:
 
 @pytest.mark.parametrize("likely", [(), (0.3,), (0.9, 0.9), (0.2, 0.5, 0.8, 1.0)])
 def test_the_probability_of_more_than_a_number_is_that_of_all_cases(likely: tuple[float, ...]) -> None:
-    for count in range(len(likely) + 1):
+    counts = np.arange(len(likely) + 1)
+    found = more_than(counts, np.repeat(np.array(likely)[:, None], len(counts), axis=1))
+    for count in counts.tolist():
         cases = product((0, 1), repeat=len(likely))
         expected = sum(
             np.prod([value if came else 1 - value for came, value in zip(case, likely, strict=True)])
             for case in cases
             if sum(case) > count
         )
-        assert more_than(count, np.array(likely)) == pytest.approx(expected)
+        assert found[count] == pytest.approx(expected)
+
+
+def more_than_alone(count: int, likely: Floats) -> float:
+    """The same for one moment, robot by robot."""
+    exactly = [1.0] + [0.0] * count
+    for probability in likely.tolist():
+        before = [0.0, *exactly]
+        exactly = [held * (1 - probability) + below * probability for held, below in zip(exactly, before, strict=False)]
+    return max(1.0 - sum(exactly), 0.0)
+
+
+def test_the_probabilities_of_all_moments_are_those_of_each_moment_alone() -> None:
+    random = np.random.default_rng(1)
+    likely = np.sort(random.random((60, len(AHEAD_S))), axis=1) * random.random(60)[:, None]
+    counts = random.integers(0, 80, len(AHEAD_S))
+    counts[:2] = 0, 7
+    alone = [more_than_alone(count, likely[:, column]) for column, count in enumerate(counts.tolist())]
+    assert more_than(counts, likely) == pytest.approx(alone, abs=1e-12)
 
 
 def need(name: str, likely: float, *chargers: str) -> ChargingNeed:
@@ -207,6 +228,14 @@ def test_robots_with_announced_arrivals_take_room_until_they_leave() -> None:
     assert charger_shortages(found, leaving, geometry, 0.0, {"c1": 900.0}) == []
     (charger_shortage,) = charger_shortages(found, staying, geometry, 0.0, {"c1": 900.0})
     assert (charger_shortage.announced, charger_shortage.wait_s) == (("s",), 340.0)
+
+
+def test_while_more_have_announced_than_there_is_room_for_nobody_else_makes_a_shortage() -> None:
+    geometry = PlaceGeometry([C1], ())
+    entries = [QueueEntry(False, -9.0, "s", 400.0, 0.0), QueueEntry(False, -8.0, "t", 300.0, 0.0)]
+    turns = forecast_queues({"c1": entries}, geometry, 0.0)
+    (shortage,) = charger_shortages([need("r", 0.9, "c1")], turns, geometry, 0.0, {"c1": 900.0})
+    assert (shortage.from_s, shortage.announced) == (300.0, ("s",))
 
 
 def test_a_standing_shortage_needs_a_lower_probability() -> None:
