@@ -1,6 +1,6 @@
 """How many revisions of conflicts are made for two vendors, so that no fleet delays the warnings of others.
 
-Robots of vendors that a source may have invented share one account, see `ConflictScene.account`. Only a fleet whose
+Robots of vendors that a source may have invented share one account, see `LiveScene.account`. Only a fleet whose
 reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
 """
 

@@ -16,8 +16,10 @@ from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.conflict_predictions import Predictions
+from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
@@ -26,9 +28,7 @@ from deconflict.engine.engine_metrics import EngineMetrics, count_losses
 from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.engine.learned.under_way import take_over, under_way
-from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
 from deconflict.foresight.learned_estimates import estimator_learners

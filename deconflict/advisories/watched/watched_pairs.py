@@ -196,7 +196,7 @@ class WatchedPairs:
         which something may change.
 
         Which predictions these are stands in `watched_pair_kernels`. `updated` are the robots with a new forecast, and
-        those that have left. `encounters` says how pairs meet, as `ConflictScene.encounters` does.
+        those that have left. `encounters` says how pairs meet, as `LiveScene.encounters` does.
         """
         pairs = predictions.pairs
         self._make_room(len(pairs))

@@ -17,6 +17,7 @@ from typing import Any
 from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.pass_watch import PassWatch
@@ -26,7 +27,6 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY
-from deconflict.engine.place_names import PlaceNames
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
