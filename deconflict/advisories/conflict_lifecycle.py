@@ -26,7 +26,6 @@ from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import revision_rules
-from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
@@ -41,6 +40,7 @@ from deconflict.advisories.watched.watched_pair_kernels import (
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisories.words import conflict_wording
 from deconflict.advisories.words.words import Spot
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.watched.watched_pairs import WatchedPair
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict_client.advisory import Severity
 from ingest.batch import Pair
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Set
 
-from deconflict.advisories.conflict_predictions import Predictions
 from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.watched.watched_pairs import WatchedPair, WatchedPairs
 from deconflict.advisories.words.conflict_wording import cleared_as_absent
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import ClearedCode, ConflictAdvisory
 from ingest.batch import Pair
