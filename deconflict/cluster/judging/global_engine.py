@@ -7,7 +7,6 @@ resumes with the open advisories of the stream, receives the last seconds again,
 """
 
 import asyncio
-import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
@@ -33,8 +32,6 @@ from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
-
-log = logging.getLogger(__name__)
 
 PASS_EVERY_S = 0.25
 LEARNED_NAME = "commons"
