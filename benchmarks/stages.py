@@ -29,9 +29,9 @@ from benchmarks.replay import timed
 from deconflict.advice.requests.hold_requests import HoldRequests
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.contention.contention import Contention
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.foresight.probability.estimator import ProbabilityEstimator
 from deconflict.runtime.command_parsers import GC_THRESHOLDS
 from deconflict.settings.fleet_factory import fast_fleet_of

@@ -28,8 +28,8 @@ LEVELS = {
         "frames languages measures security",
         "port",
         "recording",
-        "fleet",
         "fast_path",
+        "fleet",
     ],
     "deconflict": [
         "advisory runtime settings",

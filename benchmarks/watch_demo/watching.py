@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.watch_demo.floor import STEP_S, Floor, Post
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fast_fleet_of
 from deconflict.settings.site_file import load
 from deconflict.simulation.demo.advice_follower import Follow, Follower

@@ -26,8 +26,7 @@ from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import revision_rules
-from deconflict.advisories.conflict_predictions import Predictions
-from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
 from deconflict.advisories.watched.unseen_ends import UnseenEnds, cleared_as_apart
@@ -41,6 +40,7 @@ from deconflict.advisories.watched.watched_pair_kernels import (
 from deconflict.advisories.watched.watched_pairs import Examination, FoundPrediction, WatchedPair, WatchedPairs
 from deconflict.advisories.words import conflict_wording
 from deconflict.advisories.words.words import Spot
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory, Recommendation
@@ -108,7 +108,7 @@ class ConflictLifecycle:
         now_s: float,
         predictions: Predictions,
         updated: set[str],
-        scene: ConflictScene,
+        scene: LiveScene,
         until_s: float = inf,
         returned: Set[str] = frozenset(),
     ) -> list[ConflictAdvisory]:
@@ -130,7 +130,7 @@ class ConflictLifecycle:
         revisions += self._revise_unpredicted(examination, updated, now_s, scene, until_s)
         return sorted(filter(None, revisions), key=attrgetter("robots"))
 
-    def mark_silent(self, silent: set[str], now_s: float, scene: ConflictScene) -> list[ConflictAdvisory]:
+    def mark_silent(self, silent: set[str], now_s: float, scene: LiveScene) -> list[ConflictAdvisory]:
         """The revisions that say that these robots have fallen silent; none if their advisories say so already."""
         if not silent:
             return []
@@ -194,7 +194,7 @@ class ConflictLifecycle:
         self.pairs.forget_if_idle(watched)
 
     def _revise_predicted(
-        self, found: FoundPrediction, now_s: float, scene: ConflictScene
+        self, found: FoundPrediction, now_s: float, scene: LiveScene
     ) -> ConflictAdvisory | Candidate | None:
         """The revision that a prediction makes, or may make, by the code of the kernel."""
         watched, prediction, code = found
@@ -235,7 +235,7 @@ class ConflictLifecycle:
         return revision_rules.published_probability(probability, revision_rules.held_probability(self.settings))
 
     def _revise_candidates(
-        self, candidates: Sequence[Candidate], now_s: float, scene: ConflictScene
+        self, candidates: Sequence[Candidate], now_s: float, scene: LiveScene
     ) -> list[ConflictAdvisory]:
         """The revisions of those candidates that are new or differ enough from their advisories, within the budget."""
         news, budget = [], self.budget
@@ -256,7 +256,7 @@ class ConflictLifecycle:
         ]
 
     def _revision(
-        self, candidate: Candidate, met: Encounter, spot: Spot, now_s: float, scene: ConflictScene
+        self, candidate: Candidate, met: Encounter, spot: Spot, now_s: float, scene: LiveScene
     ) -> ConflictAdvisory:
         """The revision of a pair that meets like `met`, there."""
         watched, prediction, severity, _ = candidate
@@ -282,7 +282,7 @@ class ConflictLifecycle:
         return revision
 
     def _revise_unpredicted(
-        self, examination: Examination, updated: set[str], now_s: float, scene: ConflictScene, until_s: float
+        self, examination: Examination, updated: set[str], now_s: float, scene: LiveScene, until_s: float
     ) -> Iterator[ConflictAdvisory | None]:
         """The revisions of pairs without a prediction: they clear, or fall to a low probability. A pair without an
         advisory is forgotten if a robot of it has left."""
@@ -303,7 +303,7 @@ class ConflictLifecycle:
                 revision = self._update_probability(watched, 0.0, now_s)
             yield self._settled(watched, revision)
 
-    def _clear_if_apart(self, watched: WatchedPair, now_s: float, scene: ConflictScene) -> ConflictAdvisory | None:
+    def _clear_if_apart(self, watched: WatchedPair, now_s: float, scene: LiveScene) -> ConflictAdvisory | None:
         """The revision that clears an advisory, if the two have drawn apart or a robot is not there."""
         absent = [uuid for uuid in watched.pair if not scene.is_present(uuid)]
         if absent:
@@ -326,7 +326,7 @@ class ConflictLifecycle:
         return now_s - max(begins_s, self.started_s or 0.0) < self.settings.clear_after_s
 
     def _clear_if_absent(
-        self, watched: WatchedPair, absent: list[str], now_s: float, scene: ConflictScene
+        self, watched: WatchedPair, absent: list[str], now_s: float, scene: LiveScene
     ) -> ConflictAdvisory | None:
         """The revision that clears an advisory whose robots left; None while a restored one still waits for them."""
         self.pairs.mark_apart(watched)
@@ -341,7 +341,7 @@ class ConflictLifecycle:
         return advisory.cleared_revision(now_s, *_why_absent(advisory, absent, scene))
 
 
-def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: ConflictScene) -> tuple[ClearedCode, str]:
+def _why_absent(advisory: ConflictAdvisory, absent: list[str], scene: LiveScene) -> tuple[ClearedCode, str]:
     return conflict_wording.cleared_as_absent(advisory, {uuid: scene.absence(uuid) for uuid in absent})
 
 

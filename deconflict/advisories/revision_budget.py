@@ -1,6 +1,6 @@
 """How many revisions of conflicts are made for two vendors, so that no fleet delays the warnings of others.
 
-Robots of vendors that a source may have invented share one account, see `ConflictScene.account`. Only a fleet whose
+Robots of vendors that a source may have invented share one account, see `LiveScene.account`. Only a fleet whose
 reports are wrong reaches the budget. What is beyond it waits for the next reports of its robots.
 """
 
@@ -9,9 +9,9 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.watched.watched_pairs import WatchedPair
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict_client.advisory import Severity
 from ingest.batch import Pair
 

@@ -17,12 +17,12 @@ from deconflict.cluster.ingest_calls import IngestCalls
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.members_health import UNHEARD, members_document, unknown_members
 from deconflict.cluster.nats.bus import Bus
-from deconflict.cluster.nats.loss_stream import LossRecord
 from deconflict.cluster.nats.member_roster import part_of
 from deconflict.cluster.nats.nats_tasks import answered, beat_repeatedly, call_last, open_bus, run_until
 from deconflict.cluster.nats.stream_records import StreamPosition, StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.engine.canary.canary_parcel import oldest_canary
+from deconflict.operator.ledger.loss_ledger import LossParcel
 from deconflict.runtime.parcels import REFUSED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError, listening, socket_path
 from deconflict.settings.cluster_settings import Cluster
@@ -53,7 +53,7 @@ class StoreFollower:
         self._operator = AsyncCaller(runtime, "operator")
         self._ingests = IngestCalls(self._bus)
         self._records: asyncio.Queue[StreamRecord] = asyncio.Queue()
-        self._losses: asyncio.Queue[LossRecord] = asyncio.Queue()
+        self._losses: asyncio.Queue[LossParcel] = asyncio.Queue()
         self._canary_due_s = -inf
         """When the newest canary was due that the operator face has, Unix time."""
 

@@ -15,9 +15,10 @@ import numpy as np
 from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Predictions
+from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.contention.crowds.crowds import Crowds
 from deconflict.contention.queues.charger_forecast import ChargingNeed
 from deconflict.contention.queues.queue_forecast import QueueForecast
@@ -26,11 +27,10 @@ from deconflict.engine.engine_metrics import EngineMetrics, count_losses
 from deconflict.engine.learned.first_learned_format import upgraded
 from deconflict.engine.learned.map_drift import MapDrift
 from deconflict.engine.learned.under_way import take_over, under_way
-from deconflict.engine.live_scene import LiveScene
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.place_names import PlaceNames
 from deconflict.engine.robot_sweep import PairClaims, RobotSweep
 from deconflict.engine.shared_advisories import SharedAdvisories
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.losses.refusal import AdviceRefusal
@@ -314,25 +314,10 @@ class Engine:
         """The pairs in conflict by the sweep, and those that are likely to be although it does not say so, without
         those of two people on foot."""
         swept = SweptConflicts(conflicts.pairs, conflicts.separation_m, conflicts.separation_at_s, conflicts.contact_s)
-        foreseen = self.foresight.estimate(now_s, swept, held_probability(self.site.conflict))
-        contact_s, separation_m, start_m, fresh = foreseen.near_s, foreseen.near_m, foreseen.now_m, foreseen.fresh
-        n = len(conflicts.pairs)
-        contact_s[:n], separation_m[:n] = conflicts.contact_s, conflicts.separation_m
-        start_m[:n], fresh[:n] = conflicts.start_separation_m, conflicts.fresh
-        predictions = Predictions(
-            pairs=foreseen.pairs,
-            contact_s=contact_s,
-            separation_m=separation_m,
-            start_separation_m=start_m,
-            fresh=fresh,
-            probability=foreseen.probability,
-            contact_probability=foreseen.contact_probability,
-            lower=foreseen.lower,
-            upper=foreseen.upper,
-            deciding=foreseen.deciding,
-            still=foreseen.still,
-            both_present=self.presence.silences.both_there(foreseen.pairs),
-        )
+        predictions, n = self.foresight.estimate(now_s, swept, held_probability(self.site.conflict)), len(swept.pairs)
+        predictions.contact_s[:n], predictions.separation_m[:n] = conflicts.contact_s, conflicts.separation_m
+        predictions.start_separation_m[:n], predictions.fresh[:n] = conflicts.start_separation_m, conflicts.fresh
+        predictions = predictions._replace(both_present=self.presence.silences.both_there(predictions.pairs))
         return predictions.without(self._are_on_foot) if self.live.on_foot else predictions
 
     def probabilities(self) -> list[tuple[Pair, float]]:

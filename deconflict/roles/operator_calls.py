@@ -13,8 +13,8 @@ from typing import Any
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
 from deconflict.operator.http.api_sources import SourceUnavailableError
-from deconflict.operator.ledger.loss_ledger import LedgerEntry
-from deconflict.operator.ledger.optional_ledger import LossParcel, OptionalLedger
+from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossParcel
+from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.publisher import Publisher, StreamEndedError

@@ -1,15 +1,17 @@
 """Creates the fleet of a site."""
 
 import logging
-from typing import Any
+from typing import TYPE_CHECKING
 
 from deconflict.settings.site import Site
-from ingest.fleet.fast_path_types import FastPath
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
+
+if TYPE_CHECKING:  # loads numba
+    from ingest.fleet.repeat_status import FastPath
 
 log = logging.getLogger(__name__)
 
@@ -32,19 +34,19 @@ def fast_fleet_of(site: Site, measures: Measures) -> Fleet:
     return fleet
 
 
-def load_fast_path() -> FastPath[Any] | None:
+def load_fast_path() -> "FastPath | None":
     """The compiled fast path; None if `ingest/fast_path` is not installed.
 
     Loading takes half a second, and more if numba has to compile.
     """
     try:
-        from ingest.fast_path.repeat_status import load  # noqa: PLC0415 - loads numba
+        from ingest.fleet.repeat_status import load  # noqa: PLC0415 - loads numba
     except ModuleNotFoundError:
         return None
     return load()
 
 
-def load_compiled_fast_path() -> FastPath[Any] | None:
+def load_compiled_fast_path() -> "FastPath | None":
     """The fast path if it is on disk and can be read; else None. In a process that has loaded numba it takes 0.1 s."""
     from ingest.kernels import before_compiling  # noqa: PLC0415 - loads numba
 

@@ -10,12 +10,11 @@ service's clock, placed on a floor, forecast, and counted.
 from collections import OrderedDict
 from collections.abc import Callable
 from itertools import takewhile
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ingest.batch import Batch
 from ingest.clocks import SenderClock
 from ingest.fleet.batch_builder import batch
-from ingest.fleet.fast_path_types import FastPath, RepeatReaderProtocol, ScannedStatusProtocol
 from ingest.fleet.owners import language_choice
 from ingest.fleet.owners.departures import Departures
 from ingest.fleet.owners.kept_bytes import UNMEASURED_BYTES
@@ -39,6 +38,10 @@ from ingest.measures.message_rates import MessageRates
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
 from ingest.settings import UNKNOWN, Reading
+
+if TYPE_CHECKING:  # a receiver starts without numba
+    from ingest.fast_path.status_scanner import ScannedStatus
+    from ingest.fleet.repeat_status import FastPath, RepeatReader
 
 
 class Fleet:
@@ -72,7 +75,7 @@ class Fleet:
         self._repeat_readers: RepeatReaders | None = None
         self.clock_changes, self.message_rates = ClockChanges(), MessageRates()
 
-    def use(self, fast_path: FastPath[Any]) -> None:
+    def use(self, fast_path: "FastPath") -> None:
         """Read plain messages with compiled code from now on. The results stay the same."""
         self._repeat_readers = RepeatReaders(fast_path, self.owners.names_as_uuid)
 
@@ -149,14 +152,12 @@ class Fleet:
         self._accept(robot, connection, message.findings + findings)
         return None, robot
 
-    def _receive_repeat(
-        self, reader: RepeatReaderProtocol[Any], scanned: ScannedStatusProtocol, arrival_s: float
-    ) -> None:
+    def _receive_repeat(self, reader: "RepeatReader", scanned: "ScannedStatus", arrival_s: float) -> None:
         """Process a status that may repeat the robot's last one. If it does not, it is read in full."""
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
         event_s, findings = self.placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
-        found, oddities = reader.read(scanned, event_s), reader.oddities
+        found, oddities = reader.read(scanned, event_s), reader.texts.oddities
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before

@@ -44,8 +44,6 @@ CLOSE_TIMEOUT_S = 2.0
 MOST_CLOSING = HANDSHAKE_FILES // 2
 """Connections that are being closed to make room, at once."""
 
-log = logging.getLogger(__name__)
-
 
 @dataclass(slots=True, eq=False)
 class Session:

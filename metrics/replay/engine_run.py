@@ -4,8 +4,8 @@ import logging
 from math import floor
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.blackbox.start_state import StartState
 from deconflict.operator.ledger.loss_ledger import ledger_entries
 from deconflict.settings.site import Site

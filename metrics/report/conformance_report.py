@@ -5,7 +5,7 @@ from html import escape
 
 from deconflict_client.counted_nouns import count_of
 from metrics.replay.conformance_counts import value_in_words
-from metrics.report.html_cells import Part
+from metrics.report.html_cells import Part, document
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #17212b; }
@@ -33,18 +33,20 @@ def vendor_page(vendor: Part, standards: str, log: str) -> str:
     lead = f"Of {count_of(total, 'message')}, {accepted}. They {ways}."
     note = f"Read from {log}. A deviation that is not rejected was read as the sentence says."
     on_paper = "On paper long examples are cut; the page on a screen has them whole."
-    return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}: conformance to {escape(standards)}</h1>\n"
-        f"<p>{escape(lead)}</p>\n<p class=note>{escape(note)} <span class=paper>{on_paper}</span></p>\n"
-        f"{_not_compared(vendor.get('not_compared', ()))}{''.join(map(_finding, findings))}</body>\n</html>\n"
-    )
+    parts = [
+        f"<h1>{escape(name)}: conformance to {escape(standards)}</h1>",
+        f"<p>{escape(lead)}</p>",
+        f"<p class=note>{escape(note)} <span class=paper>{on_paper}</span></p>",
+        *_not_compared(vendor.get("not_compared", ())),
+        *map(_finding, findings),
+    ]
+    return document(name, STYLE, "\n".join(parts))
 
 
-def _not_compared(robots: Sequence[Part]) -> str:
+def _not_compared(robots: Sequence[Part]) -> list[str]:
     """The robots that were compared with nobody at the end."""
     rows = "".join(f"<li>{escape(robot['name'])}: {escape(robot['reason'])}</li>" for robot in robots)
-    return f"<section><h2>Compared with no other robot</h2><ul>{rows}</ul></section>\n" if rows else ""
+    return [f"<section><h2>Compared with no other robot</h2><ul>{rows}</ul></section>"] if rows else []
 
 
 def _finding(finding: Part) -> str:
@@ -54,5 +56,5 @@ def _finding(finding: Part) -> str:
     values = f"<p>Values:</p><ul>{rows}</ul>" if rows else ""
     return (
         f"<section><h2>{escape(finding['rule'])}: {count_of(finding['count'], 'time')}, {verdict}</h2>"
-        f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{values}{example}</section>\n"
+        f"<p>{escape(finding['meaning'])} Clause: {escape(finding['clause']) or '-'}.</p>{values}{example}</section>"
     )

@@ -1,12 +1,25 @@
-"""Tables and formatted values for the HTML report."""
+"""Pages, tables and formatted values of the HTML reports."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from importlib.resources import files
 from typing import Any
 
 from metrics.report.terms import TERMS
 
 Part = Mapping[str, Any]
+
+
+def document(title: str, style: str, body: str, meta: str = "") -> str:
+    """A page that opens offline. `meta` are further lines of its head."""
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{meta}<title>{escape(title)}</title>\n'
+        f"<style>{style}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def report_style() -> str:
+    return files("metrics.report").joinpath("report.css").read_text(encoding="utf-8")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> str:

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from importlib.resources import files
 
 from deconflict.settings.site import DEFAULT, Site
 from metrics.report.drawings import figures
-from metrics.report.html_cells import Part, figure, maker, moment, number, share, table, terms
+from metrics.report.html_cells import Part, document, figure, maker, moment, number, report_style, share, table, terms
 from metrics.report.opening_sections import opening
 from metrics.report.place_sections import arrivals, contention, losses, places
 from metrics.report.quality_sections import QUALITY, contact_alone, quality_cells
@@ -21,18 +20,14 @@ MADE_FROM = {
     "order": "its order (VDA 5050)",
 }
 """By the basis of a forecast."""
+VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
 
 
 def page(result: Part, title: str, site: Site = DEFAULT, page_url: str = "") -> str:
     """The whole page for a result of `metrics/replay/replay.py`. `page_url` is the address of the operator's page."""
     body = "\n".join((*opening(result, site, page_url), *_sections(result)))
     body += f"<h2>What the columns mean</h2>{terms(body)}"
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_style()}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>\n"
-        f"{body}\n</body>\n</html>\n"
-    )
+    return document(title, report_style(), f"<h1>{escape(title)}</h1>\n{body}", VIEWPORT)
 
 
 def _sections(result: Part) -> Iterator[str]:
@@ -249,7 +244,3 @@ def _conformance(vendors: Sequence[Part]) -> str:
     if not rows:
         return "<p>No deviations from the standard.</p>"
     return table(("vendor", "rule", "count", "how read", "deviation, and how it is read"), rows, text_columns=5)
-
-
-def _style() -> str:
-    return files("metrics.report").joinpath("report.css").read_text(encoding="utf-8")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from html import escape
-from importlib.resources import files
 from typing import NamedTuple
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
@@ -14,7 +13,7 @@ from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.settings import site
 from deconflict_client.answers.loss_models import LossKey, LossList, LossRow
 from deconflict_client.answers.suggestion_models import SuggestionList
-from metrics.report.html_cells import linked_table
+from metrics.report.html_cells import document, linked_table, report_style
 
 WORST = 10
 CSV_KEYS: tuple[LossKey, ...] = ("day", "vendor", "model", "by", "root", "kind", "floor", "place")
@@ -87,6 +86,7 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
     days = sorted(tables.days.rows, key=lambda row: row.model_dump()["day"])
     dates = [[f"{datetime.fromtimestamp(row.model_dump()['day'], UTC):%a %d %b} (UTC)"] for row in days]
     parts = [
+        f"<h1>{escape(title)}</h1>",
         f"<p class=lead>{escape(loss_sentence(tables))}</p><p>{escape(EXPLANATION)}</p>",
         _section("Worst places", ("Place", "Floor"), places, tables.places.rows, tables),
         _suggestions(tables.suggested),
@@ -95,13 +95,7 @@ def loss_page(tables: LossTables, used: site.Site) -> str:
         _section("Day by day", ("Day",), dates, days, tables),
         _refusals(tables.vendors),
     ]
-    style = files("metrics.report").joinpath("report.css").read_text(encoding="utf-8")
-    return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>\n'
-        f"<style>{style}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>\n"
-        + "\n".join(parts)
-        + "\n</body>\n</html>\n"
-    )
+    return document(title, report_style(), "\n".join(parts))
 
 
 def _suggestions(suggested: SuggestionList) -> str:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from deconflict.engine.place_names import PlaceNames
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.operator.suggestions.suggestion import minutes
 from deconflict.settings.site import DEFAULT, Site
 from deconflict_client.counted_nouns import count_of

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from deconflict.advisories.conflict_predictions import Prediction, Predictions
+from deconflict.foresight.conflict_predictions import Prediction, Predictions
 
 
 def in_columns(predictions: Sequence[Prediction]) -> Predictions:

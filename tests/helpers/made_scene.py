@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.words.conflict_wording import GONE, Absence, Party
 from deconflict.advisories.words.words import Spot
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter, Encounters
@@ -12,8 +12,11 @@ from deconflict_client.advisory import EncounterClass
 from ingest.batch import Floats, Pair
 
 
-class MadeScene(ConflictScene):
-    """Implements `ConflictScene`; tests override what they are about."""
+class MadeScene(LiveScene):
+    """Answers without an engine; tests override what they are about."""
+
+    def __init__(self) -> None:
+        pass
 
     def is_present(self, uuid: str) -> bool:
         return True

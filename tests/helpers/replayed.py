@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.engine.engine import Engine
 from deconflict.engine.load_shedding import Effort
-from deconflict.engine.place_names import PlaceNames
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, ledger_entries
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import Site

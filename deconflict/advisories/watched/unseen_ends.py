@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Set
 
-from deconflict.advisories.conflict_predictions import Predictions
-from deconflict.advisories.conflict_scene import ConflictScene
+from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.watched.watched_pairs import WatchedPair, WatchedPairs
 from deconflict.advisories.words.conflict_wording import cleared_as_absent
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import ClearedCode, ConflictAdvisory
 from ingest.batch import Pair
@@ -20,7 +20,7 @@ class UnseenEnds:
         """By pair, its advisory as it was when the robot was heard again."""
 
     def ends(
-        self, returned: Set[str], predictions: Predictions, now_s: float, scene: ConflictScene
+        self, returned: Set[str], predictions: Predictions, now_s: float, scene: LiveScene
     ) -> list[tuple[WatchedPair, ConflictAdvisory]]:
         """The pairs whose conflicts are over, each with the revision that clears its advisory: one of the two was moved
         by hand; or they are apart, and what is predicted of them is later by more than the time without a prediction

@@ -15,7 +15,7 @@ The fields of a row stand in `watched_pair_rows`. `examine_pairs` is long becaus
 """
 
 from math import hypot, inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -31,38 +31,11 @@ from deconflict.advisories.revision_rules import (
     published_probability,
 )
 from deconflict.advisories.severity import FALLS_S, SURE, severity_level
-from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, PREDICTED, THRESHOLDS, WATCHED_PAIR
 from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Bools, Ints
 from ingest.kernels import inner, kernel
-
-
-class PredictionColumns(NamedTuple):
-    """The predictions of one pass, in columns (p,); see `conflict_predictions.Prediction`."""
-
-    contact_s: Floats
-    separation_m: Floats
-    start_separation_m: Floats
-    fresh: Bools
-    probability: Floats
-    deciding: Floats
-    still: Bools
-    both_present: Floats
-
-
-class Predicted(NamedTuple):
-    """One row of `PredictionColumns`."""
-
-    contact_s: float
-    separation_m: float
-    start_separation_m: float
-    fresh: bool
-    probability: float
-    deciding: float
-    still: bool
-    both_present: float
-
 
 NO_CHANGE = -1
 """Nothing to do: the pair is not worth watching, or its advisory stands as it is."""
@@ -89,12 +62,10 @@ SAME, FALLING, CHANGED = 0, 1, 2
 TOUCHING_M = 0.1
 """A pair that begins nearer than this touches already, as far as forecasts can say."""
 
-_ADVISORY, _PAIR, _THRESHOLDS = (numba.from_dtype(dtype) for dtype in (OPEN_ADVISORY, WATCHED_PAIR, THRESHOLDS))
-_INTS, _FLOATS, _BOOLS, _REAL = numba.int64[::1], numba.float64[::1], numba.boolean[::1], numba.float64
-_PREDICTIONS = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (_FLOATS, _FLOATS, _FLOATS, _BOOLS, _FLOATS, _FLOATS, _BOOLS, _FLOATS), PredictionColumns
+_ADVISORIES, _PAIRS, _PREDICTED, _THRESHOLDS = (
+    numba.from_dtype(dtype)[::1] for dtype in (OPEN_ADVISORY, WATCHED_PAIR, PREDICTED, THRESHOLDS)
 )
-
+_INTS, _BOOLS, _REAL = numba.int64[::1], numba.boolean[::1], numba.float64
 
 _is_likelier, _published_probability = inner(is_likelier), inner(published_probability)
 _severity_level = inner(severity_level)
@@ -281,37 +252,28 @@ def _unpredicted(pairs: NDArray[Any], advisories: NDArray[Any], now_s: float, th
 
 @kernel(
     numba.types.Tuple([_INTS] * 4)(  # type: ignore[no-untyped-call]
-        _PAIR[::1], _ADVISORY[::1], _INTS, _PREDICTIONS, _REAL, _THRESHOLDS[::1]
+        _PAIRS, _ADVISORIES, _INTS, _PREDICTED, _REAL, _THRESHOLDS
     )
 )
 def examine_pairs(
     pairs: NDArray[Any],
     advisories: NDArray[Any],
     rows: Ints,
-    predictions: PredictionColumns,
+    predictions: NDArray[Any],
     now_s: float,
     thresholds: NDArray[Any],
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Which predictions change something, and the code of each; the rows of watched pairs without a prediction of which
     something may change, and the code of each.
 
-    `pairs` and `advisories` (n,) are of `WATCHED_PAIR` and `OPEN_ADVISORY`, `thresholds` (1,) of `THRESHOLDS`. `rows`
-    (p,) are the rows of the predicted pairs, -1 if not watched; new pairs are given free rows, of which there must be
-    enough.
+    `pairs` and `advisories` (n,) are of `WATCHED_PAIR` and `OPEN_ADVISORY`, `predictions` (p,) of `PREDICTED`,
+    `thresholds` (1,) of `THRESHOLDS`. `rows` (p,) are the rows of the predicted pairs, -1 if not watched; new pairs are
+    given free rows, of which there must be enough.
     """
     limits = thresholds[0]
     chosen, codes, n, free = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), 0, 0
     for i in range(len(rows)):
-        predicted = Predicted(
-            predictions.contact_s[i],
-            predictions.separation_m[i],
-            predictions.start_separation_m[i],
-            predictions.fresh[i],
-            predictions.probability[i],
-            predictions.deciding[i],
-            predictions.still[i],
-            predictions.both_present[i],
-        )
+        predicted = predictions[i]
         is_likely, is_new = _is_likely(predicted, now_s, limits), rows[i] < 0
         if is_new:
             if not predicted.fresh or not (is_likely or predicted.start_separation_m <= limits.clearance_m):
@@ -328,7 +290,7 @@ def examine_pairs(
     return chosen[:n].copy(), codes[:n].copy(), *_unpredicted(pairs, advisories, now_s, limits)
 
 
-@kernel(_BOOLS(_ADVISORY[::1], _INTS, numba.from_dtype(ENCOUNTER)[::1], _REAL))
+@kernel(_BOOLS(_ADVISORIES, _INTS, numba.from_dtype(ENCOUNTER)[::1], _REAL))
 def meet_elsewhere(advisories: NDArray[Any], rows: Ints, encounters: Encounters, moved_m: float) -> Bools:
     """(n,) whether `encounters` (n,) may differ from the advisories of `rows` (n,) in class, floor or place.
 

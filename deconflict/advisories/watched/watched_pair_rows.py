@@ -39,6 +39,21 @@ WATCHED_PAIR = np.dtype(
 )
 """What is remembered of a watched pair. A prediction is weighed if it was compared and was not worth a revision."""
 
+PREDICTED = np.dtype(
+    [
+        ("contact_s", np.float64),
+        ("separation_m", np.float64),
+        ("start_separation_m", np.float64),
+        ("fresh", np.bool_),
+        ("probability", np.float64),
+        ("deciding", np.float64),
+        ("still", np.bool_),
+        ("both_present", np.float64),
+    ],
+    align=True,
+)
+"""What decides of a `conflict_predictions.Prediction`, which has the meaning of each field."""
+
 THRESHOLDS = np.dtype(
     [
         ("clearance_m", np.float64),  # a conflict is a separation of no more than this

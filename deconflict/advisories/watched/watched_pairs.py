@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.advisories import revision_rules
-from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.watched.watched_pair_kernels import (
     FORGET,
     UPDATE_IF_MOVED,
     WATCH,
-    PredictionColumns,
     examine_pairs,
     meet_elsewhere,
 )
-from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, THRESHOLDS, WATCHED_PAIR
+from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, PREDICTED, THRESHOLDS, WATCHED_PAIR
+from deconflict.foresight.conflict_predictions import Prediction, Predictions
 from deconflict.foresight.keyed_tables import KeyedTable
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, Encounters
@@ -196,16 +195,18 @@ class WatchedPairs:
         which something may change.
 
         Which predictions these are stands in `watched_pair_kernels`. `updated` are the robots with a new forecast, and
-        those that have left. `encounters` says how pairs meet, as `ConflictScene.encounters` does.
+        those that have left. `encounters` says how pairs meet, as `LiveScene.encounters` does.
         """
         pairs = predictions.pairs
         self._make_room(len(pairs))
         self._drop_free_rows(len(self._row_of) + len(pairs))
         self._pairs["updated"][[watched.row for watched in self.of_robots(updated)]] = True
         rows = np.fromiter(map(self._row_of.get, pairs, repeat(-1)), np.int64, len(pairs))
-        columns = PredictionColumns._make(getattr(predictions, name) for name in PredictionColumns._fields)
+        predicted = np.empty(len(pairs), PREDICTED)
+        for name in PREDICTED.names or ():
+            predicted[name] = getattr(predictions, name)
         chosen, codes, unpredicted, quiet_codes = examine_pairs(
-            self._pairs, self._advisories, rows, columns, now_s, self._thresholds
+            self._pairs, self._advisories, rows, predicted, now_s, self._thresholds
         )
         coded = list(zip(chosen.tolist(), codes.tolist(), strict=True))
         same = [i for i, code in coded if code == UPDATE_IF_MOVED]

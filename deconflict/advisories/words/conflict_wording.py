@@ -15,8 +15,8 @@ from deconflict.advice.document_limits import (
     MOST_SUMMARY_BYTES,
     short_text,
 )
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.words import Spot
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict_client.advisory import (
     AdvisoryState,
     ClearedCode,

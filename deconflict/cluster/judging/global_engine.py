@@ -7,7 +7,6 @@ resumes with the open advisories of the stream, receives the last seconds again,
 """
 
 import asyncio
-import logging
 import time
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
@@ -17,6 +16,7 @@ from typing import Any
 from deconflict.advice.deferred_answers import Submit
 from deconflict.advisories.finding_lifecycle import FindingAdvisory
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.cluster.judging.global_judge import GlobalJudge
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.pass_watch import PassWatch
@@ -26,15 +26,12 @@ from deconflict.cluster.nats.bus import Bus
 from deconflict.cluster.nats.stream_records import StreamRecord
 from deconflict.cluster.nats.subscriptions import BUS_ERRORS
 from deconflict.cluster.tiles.tile_channels import EVERY
-from deconflict.engine.place_names import PlaceNames
 from deconflict.runtime.learned_state import packed
 from deconflict.settings.site import Site
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from deconflict_client.situations import AnyRevision, Situation, advisories_of, situations_of
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
-
-log = logging.getLogger(__name__)
 
 PASS_EVERY_S = 0.25
 LEARNED_NAME = "commons"

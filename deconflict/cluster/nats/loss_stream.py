@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 from uuid import uuid4
 
 from nats.aio.msg import Msg
@@ -10,20 +9,10 @@ from nats.js import api
 
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.revision_stream import SAME_S
-from deconflict.operator.ledger.loss_ledger import LedgerEntry
+from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossParcel
 
 KEPT_S = 2 * 86400.0
 """An operator face that was down for longer misses losses."""
-
-
-class LossRecord(NamedTuple):
-    """One message of the stream, as the ledger takes it."""
-
-    sender: str
-    """The stream; another one, or one that was created anew, has another name."""
-    number: int
-    """Of the message in the stream."""
-    entries: list[LedgerEntry]
 
 
 class LossStream:
@@ -56,8 +45,11 @@ class LossStream:
         data = json.dumps(entries).encode()
         await self._connection.js.publish(f"{self._subject}.{self._writer}", data, headers=headers)
 
-    async def follow(self, receive: Callable[[LossRecord], None], sender: str, number: int) -> None:
-        """Receive the losses after message `number` of the stream `sender`; all, if the stream is another one."""
+    async def follow(self, receive: Callable[[LossParcel], None], sender: str, number: int) -> None:
+        """Receive the losses after message `number` of the stream `sender`; all, if the stream is another one.
+
+        Each message is a parcel. A stream that was created anew is another sender.
+        """
         self._sender = await self._identity()
         self._number = number if sender == self._sender else 0
 
@@ -65,7 +57,7 @@ class LossStream:
             number = message.metadata.sequence.stream
             if number > self._number:
                 self._number = number
-                receive(LossRecord(self._sender, number, [LedgerEntry(*entry) for entry in json.loads(message.data)]))
+                receive(LossParcel(self._sender, number, [LedgerEntry(*entry) for entry in json.loads(message.data)]))
 
         def config() -> api.ConsumerConfig:
             policy = api.DeliverPolicy.BY_START_SEQUENCE

@@ -6,7 +6,6 @@ robots are late in proportion to how far they go. For times that are past, see `
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Annotated, NamedTuple
@@ -14,7 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement, DatumPoint, FloorPoints
+from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement, FloorPoints
 from deconflict.contention.robots.overdue_times import OverdueTimes
 from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
 from deconflict.runtime.learned_state import Form, Part, Seconds
@@ -70,19 +69,6 @@ class ArrivalForecast:
         self.overdue = OverdueTimes()
         self._announced = AnnouncedArrivals()
         self._ratios: dict[str, VendorRatios] = {}
-
-    def add(
-        self,
-        robot: str,
-        vendor: str,
-        now_s: float,
-        here: DatumPoint,
-        points: Sequence[DatumPoint],
-        announced_s: Sequence[float],
-    ) -> None:
-        """Add the report of a robot that is at `here` and announces when it will be at each of `points`."""
-        for announcements in self._announced.add(robot, now_s, here, points, announced_s):
-            self._record_arrival(vendor, now_s, announcements)
 
     def add_batch(self, batch: Batch, here: FloorPoints) -> ArrivalCorrections:
         """Add the destinations of a batch, whose robots (n,) are `here`; return the corrections of them.

@@ -16,7 +16,7 @@ STEP_S = 0.5
 STEPS = 20
 _AHEAD_S: Floats = STEP_S * np.arange(STEPS + 1, dtype=np.float64)
 
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
+_INTS = numba.types.Array(numba.int64, 1, "C", readonly=True)
 
 
 class Lookahead(NamedTuple):

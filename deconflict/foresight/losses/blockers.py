@@ -30,9 +30,9 @@ TOUCHES_M, BESIDE_M = 0.15, 0.45
 """A robot is on the way if the envelopes come this near. If they come no nearer than `BESIDE_M`, it is beside it."""
 NEARER_M = 0.02
 """They must also come nearer than they were by this."""
-BESIDE_COST_M, CROSSING_COST_M, STAYS_M = 999.0, 1.5, 1.0
-"""A robot beside the way, and one of another vendor that crosses, counts as this much further away. The robot that was
-in the way before counts as `STAYS_M` nearer."""
+BESIDE_COST_M, STAYS_M = 999.0, 1.0
+"""A robot beside the way counts as this much further away. The robot that was in the way before counts as `STAYS_M`
+nearer."""
 BEYOND_M, BEYOND_OWN_M = 3.0, 6.0
 """How far beyond its stopping distance a robot reacts; within its vendor, how far at all."""
 AHEAD_S, AHEAD_OWN_S = 2, 3

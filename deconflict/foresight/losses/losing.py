@@ -91,7 +91,7 @@ class KnownRobots(NamedTuple):
     """(rows,)"""
 
 
-_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
+_INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
 KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
     (
         *[_INTS] * 2,

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
+from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
 from deconflict.foresight.forecast_errors.doubted_robots import DoubtedRobots
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
@@ -34,7 +35,6 @@ from deconflict.foresight.probability.pair_table import (
     PREEMPTED_S,
     SETTLED_S,
     TOUCHING,
-    PairEstimates,
     has_robot_of,
     open_rows,
     row_of,
@@ -59,7 +59,6 @@ STAYS_S = 20.0
 DISTRUSTED = 2.0
 """A robot contradicts its forecasts if, over a few reports, its errors a second ahead are this many 90 % bands."""
 
-PAIR_FIELDS = frozenset(PAIR.names or ())
 ESTIMATED = ("probability", "lower", "upper", "deciding", "contact_probability")
 """Fields of `PAIR` that are estimated: those of `Estimate` in its order, then that of contact, at most the first."""
 
@@ -174,10 +173,12 @@ class ProbabilityEstimator:
             pair["yield_end_s"] = interaction.end_s
         pair["uncertain_s"] = interaction.onset_s if interaction.outcome is InteractionOutcome.UNKNOWN else -np.inf
 
-    def estimate(self, now_s: float, swept: SweptConflicts, likely: float) -> PairEstimates:
+    def estimate(self, now_s: float, swept: SweptConflicts, likely: float) -> Predictions:
         """Look at the pairs of which something is new, and learn from the outcomes that have become known.
 
-        Returns the pairs of the exact sweep, and other pairs whose `deciding` is at least `likely`.
+        Returns the pairs of the exact sweep in its order, then other pairs whose `deciding` is at least `likely`. The
+        columns are copies: `contact_s` and `separation_m` are of the nearest moment within the horizon, `both_present`
+        is 1.
         """
         swept_codes, has_news = self._candidates.codes_of(swept.pairs), self.robots.take_news()
         known = self.pending, self.ledger.bands_m
@@ -197,8 +198,15 @@ class ProbabilityEstimator:
             asked = self._candidates.worth_learning_from(asked)
             self.learning.ask(now_s, asked["code"], asked["features"])
         rows, other_codes = rows_to_report(pairs, swept_rows, likely)
-        columns = {name: pairs[name][rows] for name in PairEstimates._fields if name in PAIR_FIELDS}
-        return PairEstimates(pairs=[*swept.pairs, *self.robots.pair_names(other_codes)], fresh=fresh[rows], **columns)
+        return Predictions(
+            pairs=[*swept.pairs, *self.robots.pair_names(other_codes)],
+            contact_s=pairs["near_s"][rows],
+            separation_m=pairs["near_m"][rows],
+            start_separation_m=pairs["now_m"][rows],
+            fresh=fresh[rows],
+            both_present=np.ones(len(rows)),
+            **{name: pairs[name][rows] for name in (*ESTIMATED, "still")},
+        )
 
     def _set_probabilities(self, now_s: float) -> None:
         """Set the probabilities of the watched pairs, from their features and from the other pairs of their robots."""

@@ -7,7 +7,6 @@ The file is long because of its record and its compiled functions: `PAIR` has on
 `_select_pairs` merges the old and the new table in one loop.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numba
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.foresight.rollout.rollout import ROLLED
-from ingest.batch import Bools, Floats, Ints, Pair
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import inner, kernel
 
 SLOT_BITS = 24
@@ -92,33 +91,6 @@ def row_of(pairs: Pairs, code: int) -> int | None:
     """The row of a code; None if the table has none."""
     row = int(np.searchsorted(pairs["code"], code))
     return row if row < len(pairs) and pairs["code"][row] == code else None
-
-
-class PairEstimates(NamedTuple):
-    """The estimates of w pairs. Arrays are (w,) copies, which the caller may change. The pairs of the exact sweep come
-    first, in its order."""
-
-    pairs: Sequence[Pair]
-    probability: Floats
-    """That the two get in each other's way within the horizon."""
-    near_s: Floats
-    """Time at which the forecasts are nearest within the horizon, seconds since the epoch."""
-    near_m: Floats
-    """Separation of the envelopes at that time."""
-    now_m: Floats
-    """Separation at the last look, by the newest forecasts."""
-    fresh: Bools
-    """Whether either robot has reported since the last look."""
-    contact_probability: Floats
-    """That the envelopes come within the clearance."""
-    lower: Floats
-    """Lower end of the interval of the probability."""
-    upper: Floats
-    """Upper end of it."""
-    deciding: Floats
-    """Alerts are decided by this."""
-    still: Bools
-    """Both stay where they stand, or one gave way to the other lately: no alert is needed."""
 
 
 _PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]

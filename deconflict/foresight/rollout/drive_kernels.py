@@ -86,7 +86,7 @@ BODY = np.dtype(
 )
 """A robot that is driven on."""
 
-_EDGES, _BODIES = (numba.from_dtype(kind)[::1] for kind in (EDGE, BODY))
+_EDGES = numba.from_dtype(EDGE)[::1]
 _PAIRS = numba.int64[:, ::1]
 _INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 

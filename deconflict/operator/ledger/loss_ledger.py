@@ -88,6 +88,15 @@ class LedgerEntry(NamedTuple):
     unable_s: float = 0.0
 
 
+class LossParcel(NamedTuple):
+    """Losses that reach the ledger together, once."""
+
+    sender: str
+    """Who numbers them: a new engine or stream has another name."""
+    number: int
+    entries: Sequence[LedgerEntry]
+
+
 def ledger_entries(losses: Iterable[PlacedLoss]) -> list[LedgerEntry]:
     return [
         LedgerEntry(

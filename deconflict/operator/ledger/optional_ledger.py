@@ -3,12 +3,10 @@
 import logging
 import sqlite3
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
-from typing import NamedTuple
 
-from deconflict.operator.ledger.loss_ledger import FILE_NAME, LedgerEntry, LossLedger
+from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger, LossParcel
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.tables import UNWRITABLE
 from deconflict.settings.site import LossSettings
@@ -21,12 +19,6 @@ log = logging.getLogger(__name__)
 MOST_WAITING = 50_000
 """Losses that wait for the file, some 20 MB. The oldest beyond are dropped and counted."""
 DROPPED = "deconflict_losses_dropped_total"
-
-
-class LossParcel(NamedTuple):
-    sender: str
-    number: int
-    entries: Sequence[LedgerEntry]
 
 
 class OptionalLedger:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from deconflict.advisories.situations.people_last import PeopleLast
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_publisher import SituationPublisher
-from deconflict.engine.place_names import PlaceNames
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.roles.engine_link.restoration import open_revisions

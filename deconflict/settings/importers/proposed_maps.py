@@ -37,7 +37,6 @@ WHY = {
 }
 FITTING = (Doubt.STRETCHED, Doubt.MIRRORED)
 """Then there is enough driving, and the vendor's map is wrong."""
-MARKS = 4
 OFF_M, OFF_ERRORS = 0.3, 2.0
 """A reading is questioned if it is farther off than both: metres, and uncertainties of the proposal."""
 

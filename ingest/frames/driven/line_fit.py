@@ -52,8 +52,6 @@ class FittedTransform:
     lines: int
     common_m: float
     """Metres driven on lines of the known frame, in their direction."""
-    against_m: float
-    """Metres driven against the only direction of a line."""
     agreement: float
     """Worth of the places on lines, less those driven against them."""
     reach_m: float
@@ -146,8 +144,7 @@ def _with_certainty(
     step, covariance, count = _by_lines(design[main], off_m[main], weights[main], line, block[main])
     turn_rad, shift_m = _moved(turn_rad, shift_m, middle_m, step)
     left = off_m + design[:, :LEFT] @ step[:LEFT]
-    metres = own.metres[on.rows]
-    same, against = used & (np.abs(on.off_m) < AGREES_M + LEFT_M), on.against
+    same = used & (np.abs(on.off_m) < AGREES_M + LEFT_M)
     return FittedTransform(
         turn_rad=float((turn_rad + np.pi) % (2 * np.pi) - np.pi),
         shift_m=shift_m,
@@ -157,9 +154,8 @@ def _with_certainty(
         left_m=-float(step[LEFT]),
         residual_m=float(np.sqrt(np.average(left**2, weights=weights))),
         lines=int(count),
-        common_m=float(metres[same].sum()),
-        against_m=float(metres[against].sum()),
-        agreement=float(worth[same].sum() - worth[against].sum()),
+        common_m=float(own.metres[on.rows][same].sum()),
+        agreement=float(worth[same].sum() - worth[on.against].sum()),
         reach_m=float(np.quantile(np.hypot(*(points_m[on.rows] - middle_m).T), 0.98)),
     )
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.site import Site
 from deconflict.simulation.demo.advice_follower import Follow, Follower
 from deconflict.simulation.driving.motion import Activity

@@ -18,7 +18,7 @@ from hypothesis.stateful import (
 )
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import Acknowledgement, AdvisoryState, AnyAdvisory

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.revision_rules import HELD_SHARE
 from deconflict.advisories.words.conflict_wording import Party, new_id
 from deconflict.advisories.words.words import Spot
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory, EncounterClass, Severity

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.words import Spot
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounter
 from deconflict_client.advisory import (

@@ -1,8 +1,8 @@
 """A pass revises a bounded number of conflicts for two vendors, the most urgent first; the others follow."""
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.revision_budget import MOST_REVISIONS, REVISIONS_PER_S, RevisionBudget
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from ingest.batch import Pair
 from tests.helpers.made_predictions import in_columns

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.severity import FALLS_S, KEPT_SHARE, SEVERITIES, rises, severity_level
 from deconflict.advisories.words.conflict_wording import Party
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import AdvisoryState, ConflictAdvisory, Recommendation, Severity
 from ingest.batch import Pair

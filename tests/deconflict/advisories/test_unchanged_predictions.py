@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction, Predictions
 from deconflict.advisories.watched.watched_pairs import Examination, WatchedPairs
 from deconflict.advisories.words.conflict_wording import Party
+from deconflict.foresight.conflict_predictions import Prediction, Predictions
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import CLASSES, ENCOUNTER, Encounter
 from deconflict_client.advisory import ConflictAdvisory, EncounterClass

@@ -7,8 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
+from deconflict.advisories.live_scene import MOST_VENDORS
 from deconflict.engine.engine import Engine
-from deconflict.engine.live_scene import MOST_VENDORS
 from deconflict.foresight.probability.pair_table import has_robot_of
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.sweep.contact_intervals import PairConflicts

@@ -203,7 +203,8 @@ async def test_a_restarted_receiver_does_without_a_fast_path_that_is_not_compile
 ) -> None:
     async with serving(tmp_path) as role:
         deliver_recording(role)
-    for name in [name for name in sys.modules if name.startswith("ingest.fast_path")]:
+    loaded = "ingest.fast_path", "ingest.fleet.repeat_status"
+    for name in [name for name in sys.modules if name.startswith(loaded)]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
     async with serving(tmp_path) as role:

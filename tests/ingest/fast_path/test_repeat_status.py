@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path.repeat_status import RepeatReader, load
 from ingest.fast_path.status_scanner import ScannedStatus
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.fleet.repeat_status import RepeatReader, load
 from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures

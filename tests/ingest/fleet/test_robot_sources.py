@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ingest.fast_path.repeat_status import load
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.recovery.log_recovery import recover
+from ingest.fleet.repeat_status import load
 from ingest.port.connection import Connection
 from ingest.settings import Vendor
 from tests.helpers import vda_saying

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from ingest.fast_path.repeat_status import load as load_fast_path
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
+from ingest.fleet.repeat_status import load as load_fast_path
 from ingest.fleet.robot import Robot
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.settings import Datum, Model, Reading, Vendor

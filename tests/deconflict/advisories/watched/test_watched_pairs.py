@@ -1,7 +1,7 @@
 """The table of watched pairs becomes shorter again after a rush, and a pass looks only at what may change."""
 
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.watched.watched_pairs import WatchedPairs
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from deconflict.sweep.geometry.encounter import Encounters
 from tests.helpers.made_predictions import in_columns

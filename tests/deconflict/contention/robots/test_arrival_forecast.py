@@ -1,7 +1,5 @@
 """What a vendor's robots say of their arrivals, held against when they came."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
@@ -10,47 +8,16 @@ from deconflict.contention.robots.arrival_forecast import MOST_RATIOS, ArrivalCo
 from deconflict.contention.robots.destinations import write_stops
 from deconflict.contention.robots.lookahead import look_ahead
 from deconflict.contention.robots.record_kernels import STOP, Outlines
-from ingest.batch import AMOUNTS, Batch, Destinations, Forecasts
+from ingest.batch import Batch
+from tests.deconflict.contention.robots.made_reports import report, report_of
 
 DOCK: DatumPoint = ("hall", 10.0, 0.0)
 AWAY: DatumPoint = ("hall", 0.0, 0.0)
 
 
 def trip(arrivals: ArrivalForecast, robot: str, begins_s: float, takes_s: float, told_s: float) -> None:
-    arrivals.add(robot, "Alder", begins_s, AWAY, [DOCK], [begins_s + told_s])
-    arrivals.add(robot, "Alder", begins_s + takes_s, DOCK, [DOCK], [begins_s + told_s])
-
-
-def report_of(
-    robot: str, now_s: float, here: DatumPoint, points: Sequence[DatumPoint], told_s: Sequence[float]
-) -> Batch:
-    """Of one robot."""
-    floors = tuple(sorted({floor for floor, _, _ in (here, *points)} - {""}))
-    numbers = {floor: number for number, floor in enumerate(floors)} | {"": -1}
-    rows = np.array([(numbers[floor], x_m, y_m) for floor, x_m, y_m in (here, *points)])
-    floor, x_m, y_m, zero, values = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2], np.zeros(1), np.ones(1)
-    return Batch(
-        now_s=now_s,
-        floors=floors,
-        robots=(robot,),
-        vendors=("Alder",),
-        models=("",),
-        names=("",),
-        states=("",),
-        statuses=np.array([1]),
-        first_arrival_s=np.array([now_s]),
-        arrival_s=np.array([now_s]),
-        event_s=np.array([now_s]),
-        basis=np.array([0]),
-        doubt_m=zero,
-        reports_within_s=zero,
-        amounts=np.full(1, np.nan, AMOUNTS),
-        forecasts=Forecasts(
-            np.arange(2), np.array([now_s]), x_m[:1], y_m[:1], zero, floor[:1], values, values, zero, values
-        ),
-        destinations=Destinations(np.array([0, len(points)]), np.array(told_s, float), x_m[1:], y_m[1:], floor[1:]),
-        gone=(),
-    )
+    report(arrivals, robot, begins_s, AWAY, [DOCK], [begins_s + told_s])
+    report(arrivals, robot, begins_s + takes_s, DOCK, [DOCK], [begins_s + told_s])
 
 
 def arrivals_of(announced: AnnouncedArrivals, batch: Batch) -> list[tuple[int, list[list[Announcement]]]]:
@@ -90,16 +57,16 @@ def test_a_past_announcement_counts_as_now() -> None:
 
 def test_an_arrival_that_is_given_up_teaches_nothing() -> None:
     arrivals = ArrivalForecast()
-    arrivals.add("r", "Alder", 0.0, AWAY, [DOCK], [60.0])
-    arrivals.add("r", "Alder", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
-    arrivals.add("r", "Alder", 300.0, DOCK, [], [])
+    report(arrivals, "r", 0.0, AWAY, [DOCK], [60.0])
+    report(arrivals, "r", 10.0, AWAY, [("hall", 50.0, 0.0)], [60.0])
+    report(arrivals, "r", 300.0, DOCK, [], [])
     assert arrivals.counts().get("Alder", 0) == 0
 
 
 def test_a_robot_that_stands_at_its_destination_teaches_nothing() -> None:
     arrivals = ArrivalForecast()
     for t in range(100):
-        arrivals.add("r", "Alder", float(t), DOCK, [DOCK], [500.0])
+        report(arrivals, "r", float(t), DOCK, [DOCK], [500.0])
     assert arrivals.counts().get("Alder", 0) == 0
 
 
@@ -122,7 +89,7 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
 def test_a_repeated_announcement_is_kept_every_half_minute_and_compared_with_the_arrival() -> None:
     arrivals = ArrivalForecast()
     for t in range(101):
-        arrivals.add("r", "Alder", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
+        report(arrivals, "r", float(t), DOCK if t == 100 else AWAY, [DOCK], [110.0])
     assert arrivals.counts() == {"Alder": 4}
 
 

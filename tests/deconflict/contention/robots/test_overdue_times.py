@@ -9,6 +9,7 @@ from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S,
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
 from deconflict_client.advisory import ContentionAdvisory
+from tests.deconflict.contention.robots.made_reports import report
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, raised, resource, site
 from tests.helpers.saying import robot
 
@@ -99,9 +100,9 @@ def test_what_was_learned_goes_on_after_a_restart() -> None:
 def test_an_arrival_is_late_by_its_last_announcement() -> None:
     arrivals = ArrivalForecast()
     dock, away = ("hall", 10.0, 0.0), ("hall", 0.0, 0.0)
-    arrivals.add("r", "Alder", 0.0, away, [dock], [60.0])
-    arrivals.add("r", "Alder", 40.0, away, [dock], [90.0])
-    arrivals.add("r", "Alder", 150.0, dock, [dock], [90.0])
+    report(arrivals, "r", 0.0, away, [dock], [60.0])
+    report(arrivals, "r", 40.0, away, [dock], [90.0])
+    report(arrivals, "r", 150.0, dock, [dock], [90.0])
     assert arrivals.overdue.learned()["late"] == {"Alder": [(150.0, 60.0)]}
 
 

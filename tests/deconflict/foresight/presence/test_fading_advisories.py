@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
-from deconflict.advisories.conflict_predictions import Prediction
 from deconflict.advisories.words.conflict_wording import Absence
+from deconflict.foresight.conflict_predictions import Prediction
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import AdvisoryState, ClearedCode, ConflictAdvisory
 from ingest.batch import Pair

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, remove
-from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger
-from deconflict.operator.ledger.optional_ledger import DROPPED, LossParcel, OptionalLedger
+from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger, LossParcel
+from deconflict.operator.ledger.optional_ledger import DROPPED, OptionalLedger
 from deconflict.settings.site import LossSettings
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.ledger.made_entries import CROSSED, QUEUED, question

@@ -8,7 +8,7 @@ import pytest
 
 from deconflict.advisories.situations.situation_counts import SITUATION_FAILURES
 from deconflict.advisories.situations.situation_lifecycle import LINGERS_S, SituationLifecycle
-from deconflict.engine.place_names import PlaceNames
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.operator.store import store as stores
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError

@@ -7,7 +7,7 @@ import pytest
 from deconflict.advisories.situations.advice.asked_robots import ACCEPTS_WITHIN_S
 from deconflict.advisories.situations.people_last import BETWEEN_S
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.engine.place_names import PlaceNames
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.roles.engine_link.live_situations import LiveSituations

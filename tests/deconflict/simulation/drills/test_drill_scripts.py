@@ -8,9 +8,9 @@ from functools import cache
 import pytest
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.engine.engine import Engine
-from deconflict.engine.place_names import PlaceNames
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.simulation.drills.drill_outcomes import DrillOutcome, DrillOutcomes
 from deconflict.simulation.drills.drill_scripts import DRILLS, set_up_drills

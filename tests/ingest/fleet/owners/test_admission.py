@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from ingest.fast_path.repeat_status import load
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.admission import (
@@ -19,6 +18,7 @@ from ingest.fleet.owners.admission import (
     remedy,
 )
 from ingest.fleet.recovery.log_recovery import recover
+from ingest.fleet.repeat_status import load
 from ingest.fleet.shared_identities import INTRODUCER
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from ingest.fast_path.repeat_status import load
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
+from ingest.fleet.repeat_status import load
 from ingest.port.connection import Connection
 from ingest.settings import Datum
 from tests.helpers import iso_saying, vda_saying

@@ -7,8 +7,10 @@ once, in a `RepeatReader`. The fleet reads any other status in full.
 To import this imports numba, which takes 0.5 s and 60 MB, and compiles kernels that are not on disk.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from ingest.batch import Basis, Floats
 from ingest.fast_path.path_kernels import NO_TRANSFORM, forecast_repeat
 from ingest.fast_path.scanner_kernels import OF_DESTINATIONS, OF_PATH
 from ingest.fast_path.status_scanner import ScannedStatus, StatusTexts, scan
-from ingest.fleet.fast_path_types import FastPath
 from ingest.fleet.owners import ownership_claims
 from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
@@ -30,7 +31,7 @@ from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS, TURNS_RADPS
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
 from ingest.languages.massrobotics import path_points, vocabulary
-from ingest.languages.rules import Findings, Oddity
+from ingest.languages.rules import Findings
 from ingest.port.connection import Connection
 from ingest.sizes.stated_loads import StatedLoad
 
@@ -58,10 +59,6 @@ class RepeatReader:
     """The values of a `path_kernels.LIMITS` record."""
     findings: tuple[str, ...]
     """Deviations of each of its statuses, except those of times and of the number of points."""
-
-    @property
-    def oddities(self) -> tuple[Oddity, ...]:
-        return self.texts.oddities
 
     def is_valid(self, connection: Connection) -> bool:
         """Whether the robot still reports over this connection and is read by the same settings."""
@@ -119,7 +116,16 @@ class RepeatReader:
         return tuple(findings)
 
 
-def load() -> FastPath[ScannedStatus]:
+class FastPath(NamedTuple):
+    """Functions that read plain messages faster than the parser. Without them the fleet gives the same results."""
+
+    scan: Callable[[bytes], ScannedStatus | None]
+    """The scanned status of a message. None for a message that is not a plain status."""
+    repeat_reader: Callable[[Robot, ScannedStatus, Connection, str | None], RepeatReader | None]
+    """`repeat_reader` below."""
+
+
+def load() -> FastPath:
     """The functions for `Fleet.use`."""
     return FastPath(scan, repeat_reader)
 
@@ -127,7 +133,10 @@ def load() -> FastPath[ScannedStatus]:
 def repeat_reader(
     robot: Robot, scanned: ScannedStatus, connection: Connection, names_as_uuid: str | None
 ) -> RepeatReader | None:
-    """A reader for a robot whose last status was scanned. None if each of its statuses has to be read in full."""
+    """A reader for a robot whose last status was scanned. None if each of its statuses has to be read in full.
+
+    `names_as_uuid` is its vendor if names are read as UUIDs.
+    """
     texts, context = scanned.texts, robot.context
     basis = _basis(texts)
     if context is None or robot.context_key[1] != texts.datum or basis is None or robot.trailer_yaws_rad:

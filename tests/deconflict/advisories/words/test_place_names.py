@@ -1,6 +1,6 @@
 import pytest
 
-from deconflict.engine.place_names import PlaceNames
+from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.settings.shared_places import NamedArea, Obstacle, Resource, Zone
 from ingest.batch import FloorPoint
 from ingest.settings import Datum, ReferencePoint
