@@ -185,9 +185,8 @@ class Fleet:
             vendor = self.owners.vendor_of(message.uuid, robot, connection)
             if rejection := self.placement.rejection(message, vendor):
                 return rejection
-        silent_after_s, kept_bytes = self.reading.silent_after_s, self.owners.kept_bytes
-        rejection = self.owners.rejection(message, robot, connection, sender, arrival_s, silent_after_s)
-        return rejection or kept_bytes.rejection(message, robot, raw, memory, connection.source)
+        rejection = self.owners.rejection(message, robot, connection, sender, arrival_s, self.reading.silent_after_s)
+        return rejection or self.owners.kept_bytes.rejection(message, robot, raw, memory, connection.source)
 
     def _admit(self, uuid: str, arrival_s: float, connection: Connection, sender: TopicSender | None) -> Robot:
         vendor, clock = self.owners.vendor_of(uuid, None, connection), SenderClock(self.reading.clock_tolerance_s)
