@@ -64,7 +64,7 @@ class Work(NamedTuple):
     advanced_pairs: int
     fcl_calls: int
     foreseen_pairs: int
-    """Pairs in the table of the probabilities."""
+    """Pairs whose probability is computed: not those that are only remembered."""
     open_conflicts: int
     judged_pairs: int
     """Pairs that were near at a moment, by the newest look of the judge: it looks at many moments together."""
@@ -140,7 +140,7 @@ def drive(
             _note(found.warnings, revisions, now_s)
             swept = sweeps.pop()
             work = swept.box_pairs, swept.segment_pairs, swept.advanced_pairs, swept.fcl_calls
-            tables = len(engine.foresight.pairs), len(engine.conflicts())
+            tables = int(engine.foresight.pairs["watched"].sum()), len(engine.conflicts())
             found.work.append(Work(pass_s, _number_of_pairs(examined), *work, *tables, near[-1] // STRETCH))
             found.failed = _failure(found, now_s)
             if found.failed:
