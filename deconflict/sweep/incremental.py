@@ -191,10 +191,11 @@ class Sweeper:
         self._intervals, changed = still_valid(self._intervals, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
         self._cover_dormant(first_slab, slabs)
-        new_pairs = [(self._cover_changed(changed, first_slab, slabs), len(changed), len(self._intervals))]
+        new_pairs = [(self._cover_changed(changed, first_slab, slabs), changed, len(self._intervals))]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
-        for pairs, robots, held in new_pairs:
-            intervals = self._intervals_of(pairs, BOXES.of_pass(robots, len(self._slot_table.by_uuid), held), fcl_check)
+        for pairs, covered, held in new_pairs:
+            most = BOXES.of_pass(len(covered), len(self._slot_table.by_uuid), held)
+            intervals = self._intervals_of(pairs, covered, most, fcl_check)
             self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
@@ -217,12 +218,12 @@ class Sweeper:
         self._cover(changed, first_slab, slabs, anew=True)
         return self._overlapping_pairs(changed, first_slab, slabs)
 
-    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[tuple[Pairs, int, int]]:
-        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at, of
-        how many robots they are, and how many pairs of these robots are held in these slabs: none."""
+    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[tuple[Pairs, Ints, int]]:
+        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at, the
+        slots that were covered, and how many pairs of these are held in these slabs: none."""
         behind = np.flatnonzero((self._covered < last_slab) & ~self._is_dormant)
         return [
-            (self._overlapping_pairs(slots, begin, new_slabs), len(slots), 0)
+            (self._overlapping_pairs(slots, begin, new_slabs), slots, 0)
             for slots, begin, new_slabs in self._extend(behind, first_slab, slabs)
         ]
 
@@ -264,10 +265,13 @@ class Sweeper:
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
         return crowds
 
-    def _intervals_of(self, pairs: Pairs, most: int, fcl_check: FclCheck) -> ContactIntervals:
-        """The contact intervals of pairs in their slabs, of not many more than `most` pairs."""
-        ranks, robots, marks = self._slot_table.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
+    def _intervals_of(self, pairs: Pairs, covered: Ints, most: int, fcl_check: FclCheck) -> ContactIntervals:
+        """The contact intervals of pairs of the slots `covered` in their slabs, of not many more than `most` pairs."""
+        ranks, robots = self._slot_table.ranks(), self._slot_table.robots
         pairs = sorted_pairs(pairs, ranks, robots, self._is_crowded, self._is_dormant)
+        needs_none = np.ones(len(self._is_crowded), bool)
+        needs_none[covered] = self._is_crowded[covered]
+        marks = needs_none, self._is_cut
         pairs = self._choice.examined(pairs, most, self._slot_table, self._boxes.by_ring, marks)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 

@@ -4,7 +4,8 @@ Around a body there is room for few others. So robots that are where they report
 one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
-1. Pairs that are watched, and the most urgent ones of each robot, are examined in any case.
+1. Pairs that are watched, and the most urgent ones of each robot that changed, are examined in any case. The others had
+   their turn when they changed.
 2. Newcomers come last: they get what the others leave.
 3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
    whatever source, takes nothing from them.
@@ -30,10 +31,12 @@ MOST_OF_SOURCE = 24
 LATER_S = 10.0
 """Robots that are known for this much longer than others were there before."""
 ALWAYS = 2
-"""The most urgent pairs of each robot are examined whatever the budget."""
+"""The most urgent pairs of each robot that changed are examined whatever the budget."""
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
+LEAST_COST = 6
+"""What a pair takes at least of the budget of boxes: robots that pass each other at great speed meet in one box."""
 _GAP_M, _GAPS, _MOMENTS, _SOURCES, _MOST_TURNS = 0.05, 1 << 18, 1 << 6, 1 << 12, 1 << 12
 
 
@@ -81,7 +84,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
+BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 50, 5)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
@@ -94,8 +97,8 @@ class Sharers(NamedTuple):
     """(slots,) since when it is known."""
     is_new: Bools
     """(slots,) whether it came lately, when others were there already."""
-    is_crowded: Bools
-    """(slots,) whether it is in a crowd: what it needs itself does not count."""
+    needs_none: Bools
+    """(slots,) whether what it needs itself does not count: it is in a crowd, or has not changed."""
 
 
 class PairNeeds(NamedTuple):
@@ -169,7 +172,7 @@ def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
     ranks, places = np.full((2, len(needs.a)), len(needs.a))
     for own, other in ((needs.a, needs.b), (needs.b, needs.a)):
-        rows = np.flatnonzero(~sharers.is_crowded[own])
+        rows = np.flatnonzero(~sharers.needs_none[own])
         others = other[rows]
         came_later = sharers.came_s[others] > sharers.came_s[own[rows]] + LATER_S
         keys = urgency[rows] + came_later * _MOMENTS * _GAPS
@@ -225,7 +228,7 @@ class PairChoice:
     ) -> Pairs:
         """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: `most` or few more.
 
-        `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
+        `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body needs none, see `Sharers`,
         and whether a pair of it was left out, which is set.
         """
         if self._claims is None or len(pairs) <= most:
@@ -233,15 +236,16 @@ class PairChoice:
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
-        first, (is_crowded, is_cut) = pairs[begins], marks
-        costs = np.diff(np.append(begins, len(pairs)))
+        first, (needs_none, is_cut) = pairs[begins], marks
+        found = np.diff(np.append(begins, len(pairs)))
         pullers = pulled_by(table.robots[: len(table)])
+        costs = np.maximum(found, LEAST_COST)
         needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
-        is_chosen = chosen_pairs(needs, _sharers(table, pullers, self._claims, is_crowded), most)
+        is_chosen = chosen_pairs(needs, _sharers(table, pullers, self._claims, needs_none), most)
         left_out = first[~is_chosen]
         is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
         self.left_out += len(left_out)
-        return pairs[np.repeat(is_chosen, costs)]
+        return pairs[np.repeat(is_chosen, found)]
 
 
 def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
@@ -262,9 +266,9 @@ def _are_watched(pairs: Pairs, table: SlotTable, pullers: Ints, claims: Claims) 
     return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
 
 
-def _sharers(table: SlotTable, pullers: Ints, claims: Claims, is_crowded: Bools) -> Sharers:
+def _sharers(table: SlotTable, pullers: Ints, claims: Claims, needs_none: Bools) -> Sharers:
     source, came_s, is_new = claims.sources(table.keys[: len(table)].tolist())
-    return Sharers(source[pullers], came_s[pullers], is_new[pullers], is_crowded)
+    return Sharers(source[pullers], came_s[pullers], is_new[pullers], needs_none)
 
 
 class CrowdedPairs:

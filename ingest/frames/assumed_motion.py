@@ -10,6 +10,8 @@ MOVING_MPS = 0.02
 """A robot with at most this speed stands."""
 TURNS_RADPS = 0.05
 """A robot that does not drive, but turns faster, turns on the spot."""
+SPINS_RADPS = 0.2
+"""A robot that turns faster turns on the spot whatever state it says."""
 ASSUMED_MPS, ASSUMED_TURN_RADPS = 1.0, 1.0
 """Speed, and turn rate on the spot, if nothing says one."""
 CORNER_RAD = 0.35

@@ -22,6 +22,7 @@ HELD = (
     "giants-and-small",
     "moving-heap",
     "waiting-rows",
+    "fast",
     "falls-silent",
     "all-at-once",
 )

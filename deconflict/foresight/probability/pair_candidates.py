@@ -77,17 +77,17 @@ class PairCandidates:
         found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]
         most = PAIRS.of_pass(int(has_news.sum()), len(slots), _held(table, has_news))
         if self._claims and len(found) > most:
-            found = self._chosen(found, pending, most, self._claims)
+            found = self._chosen(found, has_news, pending, most, self._claims)
         return codes(found[:, 0], found[:, 1])
 
-    def _chosen(self, found: Ints, pending: PendingForecasts, most: int, claims: Claims) -> Ints:
+    def _chosen(self, found: Ints, has_news: Bools, pending: PendingForecasts, most: int, claims: Claims) -> Ints:
         """`most` of the pairs `found` (p, 3), or few more; see `PendingForecasts.candidate_pairs`."""
         robots = self._robots
         a, b, moment = (np.ascontiguousarray(column) for column in found.T)
         watched = self.codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
-        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded()), most)]
+        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded() | ~has_news), most)]
 
     def _sources(self, claims: Claims) -> tuple[Ints, Floats, Bools]:
         """(slots,) of each robot, see `Claims.sources`."""

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from ingest.batch import Basis, Floats
-from ingest.frames.assumed_motion import TURNS_RADPS
+from ingest.frames.assumed_motion import SPINS_RADPS
 from ingest.frames.frame_registry import Frame
 from ingest.settings import Envelope, Model, Reading
 from ingest.shapes import Shape, ShapePart, Trailer
@@ -99,9 +99,9 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def is_turning(self) -> bool:
-        """Whether it turns by its turn rate and by its headings."""
+        """Whether it turns by its turn rate and by its headings, so that it is not just coming to rest."""
         turned_rad = copysign(self.turned_rad, self.turned_rad * self.turn_radps)
-        return abs(self.turn_radps) > TURNS_RADPS and turned_rad > TURNS_RADPS * self.interval_s
+        return abs(self.turn_radps) > SPINS_RADPS and turned_rad > SPINS_RADPS * self.interval_s
 
     @property
     def way_rad(self) -> float:

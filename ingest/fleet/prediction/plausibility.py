@@ -31,7 +31,7 @@ MAX_TURN_RADPS = 2.0
 SLOW_TURN_RAD = 0.5
 """The turn between two headings may differ from the turn rate by this, plus half of what the turn rate gives."""
 UNTURNED_RAD = 1.0
-"""So far headings may lag behind turn rates in all, while they turn by less than half of what these give."""
+"""So far headings may lag behind turn rates in reports in a row, if they turn by less than half of what these give."""
 TURNED_RAD = 0.2
 """A turn by so much shows a turn rate despite the noise of headings."""
 DRIFT_RAD = 0.25
@@ -174,7 +174,9 @@ def _with_turn(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting,
     unturned_rad = before.unturned_rad + lag_rad if lags else 0.0
     if unturned_rad:
         now = replace(now, unturned_rad=unturned_rad)
-    if abs(lag_rad) > SLOW_TURN_RAD + abs(reported_rad) / 2 or abs(unturned_rad) > UNTURNED_RAD:
+    if abs(lag_rad) > SLOW_TURN_RAD + abs(reported_rad) / 2 or (
+        before.unturned_rad and abs(unturned_rad) > UNTURNED_RAD
+    ):
         return replace(now, turn_radps=0.0), ("turn-rate-contradicts-motion",)
     return now, ()
 

@@ -35,11 +35,11 @@ def needs(a: Ints, b: Ints, moment: Ints | None = None, is_watched: Bools | None
     )
 
 
-def sharers(sources: int = 2, *, is_new: bool = False, is_crowded: bool = False, later_s: float = 0.0) -> Sharers:
+def sharers(sources: int = 2, *, is_new: bool = False, needs_none: bool = False, later_s: float = 0.0) -> Sharers:
     """Honest robots of source 0; attackers of source 0 too, or of the others."""
     is_attacker = np.arange(SLOTS) >= HONEST
     source = np.where(is_attacker, np.arange(SLOTS) % max(sources - 1, 1) + (sources > 1), 0)
-    return Sharers(source, np.where(is_attacker, later_s, 0.0), is_attacker & is_new, is_attacker & is_crowded)
+    return Sharers(source, np.where(is_attacker, later_s, 0.0), is_attacker & is_new, is_attacker & needs_none)
 
 
 def honest(a: Ints, b: Ints) -> Bools:
@@ -89,7 +89,7 @@ def test_a_watched_pair_is_never_left_out_for_a_new_one() -> None:
 def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
     others = np.arange(HONEST, SLOTS)
     a, moment = np.zeros(len(others), np.int64), others[::-1] % 10
-    chosen = chosen_pairs(needs(a, others, moment), sharers(1, is_crowded=True), MOST_OF_SOURCE)
+    chosen = chosen_pairs(needs(a, others, moment), sharers(1, needs_none=True), MOST_OF_SOURCE)
     assert chosen.sum() == MOST_OF_SOURCE
     assert moment[chosen].max() <= moment[~chosen].min()
 
@@ -97,7 +97,7 @@ def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
 def test_what_crowded_robots_need_does_not_count() -> None:
     a, b = all_pairs()
     with_crowd = ~honest(a, b) & (a < HONEST)
-    chosen = chosen_pairs(needs(a[with_crowd], b[with_crowd]), sharers(2, is_crowded=True), 1)
+    chosen = chosen_pairs(needs(a[with_crowd], b[with_crowd]), sharers(2, needs_none=True), 1)
     of_honest = np.bincount(a[with_crowd][chosen], minlength=HONEST)
     assert of_honest.max() <= ALWAYS + 1
 
@@ -114,7 +114,7 @@ def test_the_order_of_the_pairs_decides_nothing() -> None:
 def test_pairs_cost_what_they_take() -> None:
     others = np.arange(HONEST, SLOTS)
     a, costs = np.zeros(len(others), np.int64), np.full(len(others), 5)
-    chosen = chosen_pairs(needs(a, others)._replace(costs=costs), sharers(1, is_crowded=True), 50)
+    chosen = chosen_pairs(needs(a, others)._replace(costs=costs), sharers(1, needs_none=True), 50)
     assert chosen.sum() == 10
 
 
