@@ -29,7 +29,7 @@ from deconflict.sweep.narrowphase import (
     smallest_separation,
     start_distances,
 )
-from deconflict.sweep.pair_choice import BOXES, NO_CROWDS, Claims, CrowdedPairs, PairChoice
+from deconflict.sweep.pair_choice import NO_CROWDS, Claims, CrowdedPairs, PairChoice
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
@@ -194,8 +194,7 @@ class Sweeper:
         new_pairs = [(self._cover_changed(changed, first_slab, slabs), changed, len(self._intervals))]
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
         for pairs, covered, held in new_pairs:
-            most = BOXES.of_pass(len(covered), len(self._slot_table.by_uuid), held)
-            intervals = self._intervals_of(pairs, covered, most, fcl_check)
+            intervals = self._intervals_of(pairs, covered, held, fcl_check)
             self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
@@ -265,14 +264,11 @@ class Sweeper:
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
         return crowds
 
-    def _intervals_of(self, pairs: Pairs, covered: Ints, most: int, fcl_check: FclCheck) -> ContactIntervals:
-        """The contact intervals of pairs of the slots `covered` in their slabs, of not many more than `most` pairs."""
-        ranks, robots = self._slot_table.ranks(), self._slot_table.robots
+    def _intervals_of(self, pairs: Pairs, covered: Ints, held: int, fcl_check: FclCheck) -> ContactIntervals:
+        """The contact intervals of those of `pairs` in their slabs that are examined, see `PairChoice.examined`."""
+        ranks, robots, marks = self._slot_table.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
         pairs = sorted_pairs(pairs, ranks, robots, self._is_crowded, self._is_dormant)
-        needs_none = np.ones(len(self._is_crowded), bool)
-        needs_none[covered] = self._is_crowded[covered]
-        marks = needs_none, self._is_cut
-        pairs = self._choice.examined(pairs, most, self._slot_table, self._boxes.by_ring, marks)
+        pairs = self._choice.examined(pairs, covered, held, self._slot_table, self._boxes.by_ring, marks)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
     def cut_robots(self) -> list[str]:

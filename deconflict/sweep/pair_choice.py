@@ -6,7 +6,7 @@ true, or of robots that drive through each other. Then the most urgent are exami
 
 1. Pairs that are watched, and the most urgent ones of each robot that changed, are examined in any case. The others had
    their turn when they changed.
-2. Newcomers come last: they get what the others leave.
+2. Newcomers, and bodies that are faster than any robot, come last: they get what the others leave.
 3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
    whatever source, takes nothing from them.
 4. The rest is for the sources. One that needs little gets all that it needs. What is left is shared equally by the
@@ -35,8 +35,9 @@ ALWAYS = 2
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
-LEAST_COST = 6
-"""What a pair takes at least of the budget of boxes: robots that pass each other at great speed meet in one box."""
+FASTEST_M, FAST_COST = 10.0, 6
+"""A body that goes farther in a second is no robot's. It comes last, as newcomers do, and each pair with it takes at
+least so much of the budget of boxes: it meets ever others, each in one box."""
 _GAP_M, _GAPS, _MOMENTS, _SOURCES, _MOST_TURNS = 0.05, 1 << 18, 1 << 6, 1 << 12, 1 << 12
 
 
@@ -84,7 +85,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 50, 5)
+BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
@@ -96,7 +97,7 @@ class Sharers(NamedTuple):
     came_s: Floats
     """(slots,) since when it is known."""
     is_new: Bools
-    """(slots,) whether it came lately, when others were there already."""
+    """(slots,) whether it came lately, when others were there already, or is faster than any robot."""
     needs_none: Bools
     """(slots,) whether what it needs itself does not count: it is in a crowd, or has not changed."""
 
@@ -224,28 +225,50 @@ class PairChoice:
         """Pairs that were left out in this pass."""
 
     def examined(
-        self, pairs: Pairs, most: int, table: SlotTable, boxes: NDArray[Any], marks: tuple[Bools, Bools]
+        self,
+        pairs: Pairs,
+        covered: Ints,
+        held: int,
+        table: SlotTable,
+        boxes: NDArray[Any],
+        marks: tuple[Bools, Bools],
     ) -> Pairs:
-        """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: `most` or few more.
+        """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: what `BOXES` gives
+        the slots `covered`, while so many pairs of others are `held`, or few more.
 
-        `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body needs none, see `Sharers`,
+        `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
         and whether a pair of it was left out, which is set.
         """
+        most = BOXES.of_pass(len(covered), len(table.by_uuid), held)
         if self._claims is None or len(pairs) <= most:
             return pairs
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
-        first, (needs_none, is_cut) = pairs[begins], marks
+        first, (is_crowded, is_cut) = pairs[begins], marks
+        needs_none = np.ones_like(is_crowded)
+        needs_none[covered] = is_crowded[covered]
         found = np.diff(np.append(begins, len(pairs)))
         pullers = pulled_by(table.robots[: len(table)])
-        costs = np.maximum(found, LEAST_COST)
+        sharers = _sharers(table, pullers, self._claims, needs_none)
+        is_fast = np.zeros(len(first), bool)
+        for slots in (first["a"], first["b"]):
+            fast_rows = _went_m(boxes[first["ring"], slots], table.robots["radius"][slots]) > FASTEST_M
+            is_fast |= fast_rows
+            sharers.is_new[slots[fast_rows]] = True
+        costs = np.where(is_fast, np.maximum(found, FAST_COST), found)
         needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
-        is_chosen = chosen_pairs(needs, _sharers(table, pullers, self._claims, needs_none), most)
+        is_chosen = chosen_pairs(needs, sharers, most)
         left_out = first[~is_chosen]
         is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
         self.left_out += len(left_out)
         return pairs[np.repeat(is_chosen, found)]
+
+
+def _went_m(boxes: NDArray[Any], radius_m: Floats) -> Floats:
+    """(n,) how far bodies within circles go at least while they are in `boxes` (n,)."""
+    sides_m = np.hypot(boxes["east"] - boxes["west"], boxes["north"] - boxes["south"])
+    return np.maximum(sides_m - 2 * np.sqrt(2.0) * radius_m, 0.0)
 
 
 def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
