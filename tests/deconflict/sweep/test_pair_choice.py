@@ -1,12 +1,8 @@
 """Which pairs are examined if there are too many: what is never left out, and who pays."""
 
-from collections.abc import Iterable, Sequence
-from math import pi
-
 import numpy as np
 import pytest
 
-from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.pair_choice import (
     ALWAYS,
     BOXES,
@@ -16,8 +12,7 @@ from deconflict.sweep.pair_choice import (
     Sharers,
     chosen_pairs,
 )
-from ingest.batch import Bools, Floats, Forecasts, Ints
-from tests.helpers.made_encounters import NOW_S, robot
+from ingest.batch import Bools, Floats, Ints
 
 ATTACKERS, HONEST = 300, 40
 SLOTS = HONEST + ATTACKERS
@@ -128,31 +123,3 @@ def test_a_pass_examines_no_more_than_its_robots_can_have() -> None:
     assert BOXES.of_pass(100, 1000, 0) == BOXES.changed * 100 + BOXES.spare
     assert BOXES.of_pass(100, 1000, BOXES.held * 1000 + BOXES.held_spare) == BOXES.least * 100
     assert BOXES.of_pass(500, 1000, 20_000) == BOXES.held * 1000 + BOXES.held_spare - 20_000
-
-
-class EqualClaims:
-    """All robots are of one source and came together; none is watched."""
-
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
-        return np.zeros(len(robots), np.int64), np.zeros(len(robots)), np.zeros(len(robots), bool)
-
-    def watched(self) -> Iterable[tuple[str, str]]:
-        return ()
-
-    def partly_examined(self) -> list[str]:
-        return []
-
-
-def test_robots_meet_however_many_bodies_pass_that_are_faster_than_any_robot() -> None:
-    sweeper, rows, seconds = Sweeper(clearance_m=0.3, claims=EqualClaims()), dict[str, Forecasts](), range(11)
-    for pair in range(20):
-        for side in (-1, 1):
-            way_m, y_m = (30.0 + side * 28.0, 30.0 - side * 28.0), [3.0 * pair] * 2
-            rows[f"honest {pair} {side}"] = robot((0.0, 10.0), way_m, y_m, 0.0, (1.0, 0.6))
-    for number in range(200):
-        y_m = [60.0 * (second % 2) for second in seconds]
-        rows[f"very fast {number}"] = robot(seconds, [0.3 * number] * len(y_m), y_m, pi / 2, (1.0, 0.6))
-    sweeper.update(list(rows), Forecasts.joined(rows.values()))
-    found = sweeper.find_conflicts(NOW_S)
-    assert found.left_out > 500
-    assert sum(all("honest" in name for name in pair) for pair in found.pairs) == 20
