@@ -6,7 +6,7 @@ import { what } from "../texts.js";
 const SEEN = "Seen"; // what is done about it, if nobody says more
 const LATE_MS = 60_000;
 export const SOMEBODY = "Somebody at the operator's page"; // who it is, until the page knows a name
-export const lateFailures = new Set(); // sentences of failures, for `LATE_MS`, for which no dialog is open or another one
+export const lateFailures = new Set(); // sentences, for `LATE_MS`, of what failed when no dialog was open that could say so
 const [about, why] = ["acknowledge-what", "why"].map((id) => document.getElementById(id));
 
 // A dialog that asks who decides, and sends the decision. Each opening is a turn: no late answer changes a later one.
