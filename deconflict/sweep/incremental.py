@@ -73,7 +73,8 @@ class Sweeper:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
         self._crowds, self._crowded_pairs, self._trains = crowds, CrowdedPairs(), Trains()
-        self._choice = PairChoice(claims)
+        self._grow_m = clearance_m / 2 + TOLERANCE_M
+        self._choice = PairChoice(claims, self._grow_m)
         self._is_crowded: Bools = np.zeros(0, bool)
         """(slots,) whether each body is of a robot in a crowd, in this pass."""
         self._is_cut: Bools = np.zeros(0, bool)
@@ -191,11 +192,11 @@ class Sweeper:
         self._intervals, changed = still_valid(self._intervals, is_changed, first_slab), np.flatnonzero(is_changed)
         slabs = ceil(reach_s) + 1 + AHEAD
         self._cover_dormant(first_slab, slabs)
-        new_pairs = [(self._cover_changed(changed, first_slab, slabs), changed, len(self._intervals))]
+        new_pairs, held = [(self._cover_changed(changed, first_slab, slabs), changed)], self._intervals
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
-        for pairs, covered, held in new_pairs:
+        for pairs, covered in new_pairs:
             intervals = self._intervals_of(pairs, covered, held, fcl_check)
-            self._intervals = merged(self._intervals, intervals, self._slot_table.ranks())
+            self._intervals, held = merged(self._intervals, intervals, self._slot_table.ranks()), held[:0]
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
     def _begin_pass(self, first_slab: int) -> tuple[Bools, Bools]:
@@ -217,12 +218,12 @@ class Sweeper:
         self._cover(changed, first_slab, slabs, anew=True)
         return self._overlapping_pairs(changed, first_slab, slabs)
 
-    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[tuple[Pairs, Ints, int]]:
-        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at, the
-        slots that were covered, and how many pairs of these are held in these slabs: none."""
+    def _cover_unchanged(self, first_slab: int, last_slab: int, slabs: int) -> list[tuple[Pairs, Ints]]:
+        """Cover unchanged robots in the slabs that the horizon has reached. Returns the pairs of boxes to look at, and
+        the slots that were covered, of which nothing is held in these slabs."""
         behind = np.flatnonzero((self._covered < last_slab) & ~self._is_dormant)
         return [
-            (self._overlapping_pairs(slots, begin, new_slabs), slots, 0)
+            (self._overlapping_pairs(slots, begin, new_slabs), slots)
             for slots, begin, new_slabs in self._extend(behind, first_slab, slabs)
         ]
 
@@ -254,8 +255,8 @@ class Sweeper:
 
     def _cover(self, slots: Ints, first_slab: int, slabs: int, *, anew: bool = False) -> None:
         self._covered[slots] = first_slab + slabs - 1
-        grow_m = self._clearance_m / 2 + TOLERANCE_M
-        self._boxes.cover(slots, self._slot_table.robots, self._slot_table.knots, first_slab, slabs, grow_m, anew=anew)
+        floor_state = self._slot_table.robots, self._slot_table.knots
+        self._boxes.cover(slots, *floor_state, first_slab, slabs, self._grow_m, anew=anew)
 
     def _crowd_numbers(self) -> Ints:
         """(slots,) the number of the crowd of each body's robot, 0 for none."""
@@ -264,11 +265,11 @@ class Sweeper:
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
         return crowds
 
-    def _intervals_of(self, pairs: Pairs, covered: Ints, held: int, fcl_check: FclCheck) -> ContactIntervals:
+    def _intervals_of(self, pairs: Pairs, slots: Ints, held: ContactIntervals, fcl_check: FclCheck) -> ContactIntervals:
         """The contact intervals of those of `pairs` in their slabs that are examined, see `PairChoice.examined`."""
         ranks, robots, marks = self._slot_table.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
         pairs = sorted_pairs(pairs, ranks, robots, self._is_crowded, self._is_dormant)
-        pairs = self._choice.examined(pairs, covered, held, self._slot_table, self._boxes.by_ring, marks)
+        pairs = self._choice.examined(pairs, slots, held, self._slot_table, self._boxes.by_ring, marks)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
     def cut_robots(self) -> list[str]:

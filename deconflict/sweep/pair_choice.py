@@ -4,9 +4,9 @@ Around a body there is room for few others. So robots that are where they report
 one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
-1. Pairs that are watched, and the most urgent ones of each robot that changed, are examined in any case. The others had
-   their turn when they changed.
-2. Newcomers, and bodies that are faster than any robot, come last: they get what the others leave.
+1. Pairs that are watched, and the most urgent ones of each robot that has not as many already, are examined in any
+   case.
+2. Newcomers, and in the sweep bodies that are faster than any robot, come last: they get what the others leave.
 3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
    whatever source, takes nothing from them.
 4. The rest is for the sources. One that needs little gets all that it needs. What is left is shared equally by the
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deconflict.sweep.broadphase import EVERY, MOST_FOUND, Pairs
+from deconflict.sweep.broadphase import EVERY, MIXED, MOST_FOUND, Pairs
 from deconflict.sweep.shapes.trains import pulled_by
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Ints, Pair
@@ -31,7 +31,7 @@ MOST_OF_SOURCE = 24
 LATER_S = 10.0
 """Robots that are known for this much longer than others were there before."""
 ALWAYS = 2
-"""The most urgent pairs of each robot that changed are examined whatever the budget."""
+"""The most urgent pairs of each robot are examined whatever the budget, unless so many are held already."""
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
@@ -98,8 +98,10 @@ class Sharers(NamedTuple):
     """(slots,) since when it is known."""
     is_new: Bools
     """(slots,) whether it came lately, when others were there already, or is faster than any robot."""
-    needs_none: Bools
-    """(slots,) whether what it needs itself does not count: it is in a crowd, or has not changed."""
+    is_crowded: Bools
+    """(slots,) whether it is in a crowd: what it needs itself does not count."""
+    is_served: Bools
+    """(slots,) whether it has not changed, and `ALWAYS` pairs of it with others that have not are held."""
 
 
 class PairNeeds(NamedTuple):
@@ -167,18 +169,19 @@ def _within_shares(costs: Ints, payer: Ints, most: int) -> Bools:
 def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     """Two places (p,) of each pair, the most urgent first: among the pairs of a robot with one source, and among all
     pairs of a robot, which takes one pair of each source after the other. The smaller place of the two robots counts.
-    A robot in a crowd gives none."""
+    A robot in a crowd gives none, and one that is served none among all its pairs."""
     gap = np.minimum(needs.gap_m / _GAP_M, _GAPS - 1).astype(np.int64)
     urgency = np.minimum(needs.moment, _MOMENTS - 1) * _GAPS + gap
     urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
     ranks, places = np.full((2, len(needs.a)), len(needs.a))
     for own, other in ((needs.a, needs.b), (needs.b, needs.a)):
-        rows = np.flatnonzero(~sharers.needs_none[own])
+        rows = np.flatnonzero(~sharers.is_crowded[own])
         others = other[rows]
         came_later = sharers.came_s[others] > sharers.came_s[own[rows]] + LATER_S
         keys = urgency[rows] + came_later * _MOMENTS * _GAPS
         of_source = _places(own[rows] * _SOURCES + sharers.source[others] % _SOURCES, keys)
         in_turn = _places(own[rows], np.minimum(of_source, _MOST_TURNS) * (4 * _MOMENTS * _GAPS) + keys)
+        in_turn[sharers.is_served[own[rows]]] = len(needs.a)
         ranks[rows], places[rows] = np.minimum(ranks[rows], of_source), np.minimum(places[rows], in_turn)
     return ranks, places
 
@@ -216,9 +219,9 @@ def _shares(needed: Ints, most: int) -> Ints:
 class PairChoice:
     """The choice among pairs of boxes."""
 
-    def __init__(self, claims: Claims | None) -> None:
-        """Without `claims` all pairs are examined."""
-        self._claims = claims
+    def __init__(self, claims: Claims | None, grow_m: float) -> None:
+        """Without `claims` all pairs are examined. Boxes are `grow_m` larger than bodies on each side."""
+        self._claims, self._grow_m = claims, grow_m
         self.most_found = MOST_FOUND if claims else EVERY
         """See `SweptBoxes.overlapping_pairs`."""
         self.left_out = 0
@@ -228,32 +231,31 @@ class PairChoice:
         self,
         pairs: Pairs,
         covered: Ints,
-        held: int,
+        held: NDArray[Any],
         table: SlotTable,
         boxes: NDArray[Any],
         marks: tuple[Bools, Bools],
     ) -> Pairs:
         """Those of `pairs`, which are sorted by their bodies and then by time, that are examined: what `BOXES` gives
-        the slots `covered`, while so many pairs of others are `held`, or few more.
+        the slots `covered`, while the contact intervals `held` of others are kept, or few more.
 
         `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
         and whether a pair of it was left out, which is set.
         """
-        most = BOXES.of_pass(len(covered), len(table.by_uuid), held)
+        most = BOXES.of_pass(len(covered), len(table.by_uuid), len(held))
         if self._claims is None or len(pairs) <= most:
             return pairs
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
         first, (is_crowded, is_cut) = pairs[begins], marks
-        needs_none = np.ones_like(is_crowded)
-        needs_none[covered] = is_crowded[covered]
         found = np.diff(np.append(begins, len(pairs)))
         pullers = pulled_by(table.robots[: len(table)])
-        sharers = _sharers(table, pullers, self._claims, needs_none)
+        sharers = _sharers(table, pullers, self._claims, (is_crowded, _are_served(held, covered, len(is_crowded))))
         is_fast = np.zeros(len(first), bool)
         for slots in (first["a"], first["b"]):
-            fast_rows = _went_m(boxes[first["ring"], slots], table.robots["radius"][slots]) > FASTEST_M
+            radius_m = table.robots["radius"][slots] + self._grow_m
+            fast_rows = _went_m(boxes[first["ring"], slots], radius_m) > FASTEST_M
             is_fast |= fast_rows
             sharers.is_new[slots[fast_rows]] = True
         costs = np.where(is_fast, np.maximum(found, FAST_COST), found)
@@ -266,9 +268,21 @@ class PairChoice:
 
 
 def _went_m(boxes: NDArray[Any], radius_m: Floats) -> Floats:
-    """(n,) how far bodies within circles go at least while they are in `boxes` (n,)."""
+    """(n,) how far bodies within circles go at least while they are in `boxes` (n,) of one floor each; 0 of several."""
     sides_m = np.hypot(boxes["east"] - boxes["west"], boxes["north"] - boxes["south"])
-    return np.maximum(sides_m - 2 * np.sqrt(2.0) * radius_m, 0.0)
+    went_m: Floats = np.where(boxes["floor"] == MIXED, 0.0, sides_m - 2 * np.sqrt(2.0) * radius_m)
+    return went_m
+
+
+def _are_served(held: NDArray[Any], covered: Ints, slots: int) -> Bools:
+    """(slots,) whether `ALWAYS` pairs of a body are among the contact intervals `held`, and it is not one of those
+    `covered`."""
+    pairs = held[["a", "b"]]
+    begins = np.append(True, pairs[1:] != pairs[:-1])[: len(pairs)]
+    bodies = np.concatenate([held["a"][begins], held["b"][begins]])
+    are_served: Bools = np.bincount(bodies, minlength=slots) >= ALWAYS
+    are_served[covered] = False
+    return are_served
 
 
 def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -> PairNeeds:
@@ -289,9 +303,9 @@ def _are_watched(pairs: Pairs, table: SlotTable, pullers: Ints, claims: Claims) 
     return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
 
 
-def _sharers(table: SlotTable, pullers: Ints, claims: Claims, needs_none: Bools) -> Sharers:
+def _sharers(table: SlotTable, pullers: Ints, claims: Claims, marks: tuple[Bools, Bools]) -> Sharers:
     source, came_s, is_new = claims.sources(table.keys[: len(table)].tolist())
-    return Sharers(source[pullers], came_s[pullers], is_new[pullers], needs_none)
+    return Sharers(source[pullers], came_s[pullers], is_new[pullers], *marks)
 
 
 class CrowdedPairs:

@@ -11,7 +11,7 @@ from deconflict.foresight.probability.pair_table import Pairs, codes, slots_of
 from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from deconflict.foresight.probability.waiting_robots import are_waiting
 from deconflict.sweep.geometry.heights import heights_overlap
-from deconflict.sweep.pair_choice import PAIRS, Claims, PairNeeds, Sharers, chosen_pairs
+from deconflict.sweep.pair_choice import ALWAYS, PAIRS, Claims, PairNeeds, Sharers, chosen_pairs
 from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_GROWN_M = 0.75
@@ -75,26 +75,28 @@ class PairCandidates:
         found = pending.candidate_pairs(*marks, slots, robots.rank, near_m, now_s, self._horizon_s)
         a, b = found[:, 0], found[:, 1]
         found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]
-        most = PAIRS.of_pass(int(has_news.sum()), len(slots), _held(table, has_news))
+        held = _held(table, has_news)
+        most = PAIRS.of_pass(int(has_news.sum()), len(slots), int(held.sum()) // 2)
         if self._claims and len(found) > most:
-            found = self._chosen(found, has_news, pending, most, self._claims)
+            found = self._chosen(found, pending, ~has_news & (held >= ALWAYS), most, self._claims)
         return codes(found[:, 0], found[:, 1])
 
-    def _chosen(self, found: Ints, has_news: Bools, pending: PendingForecasts, most: int, claims: Claims) -> Ints:
+    def _chosen(self, found: Ints, pending: PendingForecasts, is_served: Bools, most: int, claims: Claims) -> Ints:
         """`most` of the pairs `found` (p, 3), or few more; see `PendingForecasts.candidate_pairs`."""
         robots = self._robots
         a, b, moment = (np.ascontiguousarray(column) for column in found.T)
         watched = self.codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
-        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded() | ~has_news), most)]
+        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded(), is_served), most)]
 
     def _sources(self, claims: Claims) -> tuple[Ints, Floats, Bools]:
         """(slots,) of each robot, see `Claims.sources`."""
         return claims.sources([name or "" for name in self._robots.names.tolist()])
 
 
-def _held(table: Pairs, has_news: Bools) -> int:
-    """How many pairs are watched of which neither robot has news."""
+def _held(table: Pairs, has_news: Bools) -> Ints:
+    """(slots,) how many pairs of each robot are watched of which neither robot has news."""
     a, b = slots_of(table["code"])
-    return int((table["watched"] & ~has_news[a] & ~has_news[b]).sum())
+    is_held = table["watched"] & ~has_news[a] & ~has_news[b]
+    return np.bincount(np.concatenate([a[is_held], b[is_held]]), minlength=len(has_news))

@@ -3,12 +3,13 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
-from math import hypot, inf, isfinite
+from math import hypot, inf, isfinite, isnan
 from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
 from ingest.fleet.prediction.pace import Paces, allowance
 from ingest.fleet.prediction.paced_way import driven_s, paced
+from ingest.fleet.prediction.way_on import THERE_M
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import LEAST_STEP_S, SPOT_M
 from ingest.frames.frame_registry import Frame
@@ -26,8 +27,8 @@ def route_by_path(
     """The route along a path from `here` on, with unknown headings left as nan. None if the path can't be used.
 
     A path whose times are limits, are past, equal or out of order without a clear meaning gets new times by the robot's
-    pace. A path that jumps is used up to the jump. It is used a little beyond the horizon, so that it still reaches it
-    when the next status is late.
+    pace, from where the robot is on it; it is over where it ends. A path that jumps is used up to the jump. It is used
+    a little beyond the horizon, so that it still reaches it when the next status is late.
     """
     points: list[Knot] = []
     floors: list[int] = []
@@ -45,7 +46,10 @@ def route_by_path(
         if not in_order:
             points, floors, in_order = _in_order(points, floors, here)
         if points[-1][0] <= here.t_s or not in_order:
-            points = _retimed(points, here, context.body, paces)
+            begin = _next_point(points, here)
+            points, floors = _retimed(points[begin:], here, context.body, paces), floors[begin:]
+            if not points:
+                return None
             findings.append("path-retimed")
         times = [point[0] for point in points]
     ahead = bisect_right(times, here.t_s)
@@ -102,12 +106,35 @@ def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[li
     If all times differ, apart from those of repeated points, these are left out; the others are sorted if that shortens
     the way.
     """
-    sent = list(dict.fromkeys(zip(points, floors, strict=True)))
-    in_order = sorted(sent)
+    placed = {
+        (*point[:3], None if isnan(point[3]) else point[3], floor): (point, floor)
+        for point, floor in zip(points, floors, strict=True)
+    }
+    sent = list(placed.values())
+    in_order = sorted(sent, key=itemgetter(0))
     differ = all(before[0][0] < after[0][0] for before, after in pairwise(in_order))
     if differ and (in_order == sent or _length_m(here, in_order) < _length_m(here, sent)):
         return [point for point, _ in in_order], [floor for _, floor in in_order], True
     return points, floors, False
+
+
+def _next_point(points: list[Knot], here: Sighting) -> int:
+    """The row of the point that comes next on a way without usable times: the end of its nearest piece, if the robot is
+    on it. Behind the last row, if it is there."""
+    nearest_m, begin = THERE_M, 0
+    for row, (before, after) in enumerate(pairwise(points), 1):
+        away_m = _away_m(before, after, here)
+        if away_m < nearest_m:
+            nearest_m, begin = away_m, row
+    is_over = begin == len(points) - 1 and hypot(points[-1][1] - here.x_m, points[-1][2] - here.y_m) <= THERE_M
+    return len(points) if is_over else begin
+
+
+def _away_m(before: Knot, after: Knot, here: Sighting) -> float:
+    """How far a robot is from a piece of a way."""
+    dx, dy, to_x, to_y = after[1] - before[1], after[2] - before[2], here.x_m - before[1], here.y_m - before[2]
+    along = min(max((to_x * dx + to_y * dy) / max(dx * dx + dy * dy, SPOT_M**2), 0.0), 1.0)
+    return hypot(to_x - along * dx, to_y - along * dy)
 
 
 def _length_m(here: Sighting, placed: list[tuple[Knot, int]]) -> float:

@@ -99,12 +99,14 @@ def in_motion(before: Sighting, now: Sighting) -> Sighting:
 
 
 def _observed_turn_radps(before: Sighting | None, now: Sighting) -> float:
-    """The turn rate by the headings of a robot that stands; 0.0 for any other."""
+    """The turn rate by the headings of a robot that stands and turns as it did before; 0.0 for any other."""
     if before is None or before.floor != now.floor or not 0.0 < now.t_s - before.t_s <= COMPARABLE_S:
         return 0.0
     turned_rad = turn_between(before.yaw_rad, now.yaw_rad)
     stands = hypot(now.x_m - before.x_m, now.y_m - before.y_m) <= MOVED_M
-    return turned_rad / (now.t_s - before.t_s) if stands and abs(turned_rad) > TURNED_RAD else 0.0
+    turns_on = min(abs(turned_rad), copysign(before.turned_rad, before.turned_rad * turned_rad)) > TURNED_RAD
+    observed_radps = turned_rad / (now.t_s - before.t_s)
+    return observed_radps if stands and turns_on and abs(observed_radps) <= MAX_TURN_RADPS else 0.0
 
 
 def _is_fast(sighting: Sighting) -> bool:

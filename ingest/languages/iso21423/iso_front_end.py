@@ -57,6 +57,8 @@ NO_OUTLINE = Outline(0.0, 0.0)
 NAMES = KnownNames(
     frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
 )
+MOST_CHARGE = 1.5
+"""A battery that is fuller is sent in percent; one that is less so is full, but for calibration."""
 _TOPICS_CACHED = 65_536
 _WITH_POSE = frozenset(("odometry", "localTrajectory"))
 
@@ -202,7 +204,7 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
         case BatteryMessage(battery_soc=charge) if charge is not None:
             if not 0.0 <= charge <= 1.0:
                 findings["battery-out-of-range"] = None
-            battery_pct = charge if charge > 1.0 else 100.0 * charge
+            battery_pct = charge if charge > MOST_CHARGE else 100.0 * charge
             return replace(memory, battery_pct=min(max(battery_pct, 0.0), 100.0))
     return memory
 

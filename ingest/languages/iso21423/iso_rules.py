@@ -54,7 +54,7 @@ _WHO = (
 )
 _STATE = (
     Rule("mode-missing", "The states have no operating mode; read as automatic.", "status"),
-    Rule("battery-out-of-range", "The battery is not within 0 to 1; above 1, in percent; clamped.", "batteryStatus"),
+    Rule("battery-out-of-range", "The battery is not within 0 to 1; above 1.5, in percent; clamped.", "batteryStatus"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "odometry"),
     Rule("map-missing", "A position without ccsId; it is compared with nothing.", "odometry"),
     Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),

@@ -1,18 +1,25 @@
 """Which pairs are examined if there are too many: what is never left out, and who pays."""
 
+from collections.abc import Iterable, Sequence
+from math import cos, pi, sin
+
 import numpy as np
 import pytest
 
+from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.pair_choice import (
     ALWAYS,
     BOXES,
+    FASTEST_M,
     LATER_S,
     MOST_OF_SOURCE,
     PairNeeds,
     Sharers,
+    _went_m,
     chosen_pairs,
 )
-from ingest.batch import Bools, Floats, Ints
+from ingest.batch import Bools, Floats, Forecasts, Ints
+from tests.helpers.made_encounters import NOW_S, robot
 
 ATTACKERS, HONEST = 300, 40
 SLOTS = HONEST + ATTACKERS
@@ -35,11 +42,17 @@ def needs(a: Ints, b: Ints, moment: Ints | None = None, is_watched: Bools | None
     )
 
 
-def sharers(sources: int = 2, *, is_new: bool = False, needs_none: bool = False, later_s: float = 0.0) -> Sharers:
+def sharers(sources: int = 2, *, is_new: bool = False, is_crowded: bool = False, later_s: float = 0.0) -> Sharers:
     """Honest robots of source 0; attackers of source 0 too, or of the others."""
     is_attacker = np.arange(SLOTS) >= HONEST
     source = np.where(is_attacker, np.arange(SLOTS) % max(sources - 1, 1) + (sources > 1), 0)
-    return Sharers(source, np.where(is_attacker, later_s, 0.0), is_attacker & is_new, is_attacker & needs_none)
+    return Sharers(
+        source,
+        np.where(is_attacker, later_s, 0.0),
+        is_attacker & is_new,
+        is_attacker & is_crowded,
+        np.zeros(SLOTS, bool),
+    )
 
 
 def honest(a: Ints, b: Ints) -> Bools:
@@ -89,7 +102,7 @@ def test_a_watched_pair_is_never_left_out_for_a_new_one() -> None:
 def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
     others = np.arange(HONEST, SLOTS)
     a, moment = np.zeros(len(others), np.int64), others[::-1] % 10
-    chosen = chosen_pairs(needs(a, others, moment), sharers(1, needs_none=True), MOST_OF_SOURCE)
+    chosen = chosen_pairs(needs(a, others, moment), sharers(1, is_crowded=True), MOST_OF_SOURCE)
     assert chosen.sum() == MOST_OF_SOURCE
     assert moment[chosen].max() <= moment[~chosen].min()
 
@@ -97,7 +110,7 @@ def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
 def test_what_crowded_robots_need_does_not_count() -> None:
     a, b = all_pairs()
     with_crowd = ~honest(a, b) & (a < HONEST)
-    chosen = chosen_pairs(needs(a[with_crowd], b[with_crowd]), sharers(2, needs_none=True), 1)
+    chosen = chosen_pairs(needs(a[with_crowd], b[with_crowd]), sharers(2, is_crowded=True), 1)
     of_honest = np.bincount(a[with_crowd][chosen], minlength=HONEST)
     assert of_honest.max() <= ALWAYS + 1
 
@@ -114,7 +127,7 @@ def test_the_order_of_the_pairs_decides_nothing() -> None:
 def test_pairs_cost_what_they_take() -> None:
     others = np.arange(HONEST, SLOTS)
     a, costs = np.zeros(len(others), np.int64), np.full(len(others), 5)
-    chosen = chosen_pairs(needs(a, others)._replace(costs=costs), sharers(1, needs_none=True), 50)
+    chosen = chosen_pairs(needs(a, others)._replace(costs=costs), sharers(1, is_crowded=True), 50)
     assert chosen.sum() == 10
 
 
@@ -123,3 +136,57 @@ def test_a_pass_examines_no_more_than_its_robots_can_have() -> None:
     assert BOXES.of_pass(100, 1000, 0) == BOXES.changed * 100 + BOXES.spare
     assert BOXES.of_pass(100, 1000, BOXES.held * 1000 + BOXES.held_spare) == BOXES.least * 100
     assert BOXES.of_pass(500, 1000, 20_000) == BOXES.held * 1000 + BOXES.held_spare - 20_000
+
+
+def test_a_robot_that_is_served_gets_none_of_its_pairs_whatever_the_budget() -> None:
+    others = np.arange(HONEST, HONEST + 10)
+    a, equal = np.zeros_like(others), sharers(1)
+    assert chosen_pairs(needs(a, others), equal, 0).all()  # each of the others has its most urgent one
+    served = equal._replace(is_served=np.ones(SLOTS, bool))
+    assert not chosen_pairs(needs(a, others), served, 0).any()
+    assert chosen_pairs(needs(a, others), served, len(others)).all()
+
+
+class EqualClaims:
+    """All robots are of one source and came together; none is watched."""
+
+    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
+        return np.zeros(len(robots), np.int64), np.zeros(len(robots)), np.zeros(len(robots), bool)
+
+    def watched(self) -> Iterable[tuple[str, str]]:
+        return ()
+
+    def partly_examined(self) -> list[str]:
+        return []
+
+
+@pytest.mark.parametrize("crowded", [True, False])
+def test_a_robot_that_reports_seldom_keeps_its_conflicts_while_the_budget_binds(crowded: bool) -> None:
+    """Others drive at it, and a heap elsewhere takes all of the budget in each pass."""
+    coming = {f"coming {number}": number * pi / 6 for number in range(12)}
+    sweeper = Sweeper(clearance_m=0.3, crowds=dict.fromkeys(coming, 1) if crowded else {}, claims=EqualClaims())
+    sweeper.update(["stands"], robot((0.0, 60.0), (0.0, 0.0), (0.0, 0.0), 0.0, (1.0, 0.6)))
+    for second in range(5):
+        rows, seconds = dict[str, Forecasts](), (float(second), second + 10.0)
+        for name, from_rad in coming.items():
+            away_m = np.array([9.0 - second, -1.0 - second])
+            rows[name] = robot(seconds, away_m * cos(from_rad), away_m * sin(from_rad), from_rad, (0.4, 0.4))
+        for number in range(60):
+            place = [50.0 + number * 1e-3] * 2
+            rows[f"heap {number}"] = robot(seconds, place, place, 0.0, (1.0, 0.6))
+        sweeper.update(list(rows), Forecasts.joined(rows.values()))
+        found = sweeper.find_conflicts(NOW_S + second)
+        assert found.left_out > 0
+        assert sum("stands" in pair for pair in found.pairs) >= ALWAYS
+
+
+@pytest.mark.parametrize(("floors", "is_last"), [((0, 0), True), ((0, 1), False)])
+def test_a_robot_is_not_fast_for_the_coordinates_of_the_floor_that_it_goes_to(
+    floors: tuple[int, int], is_last: bool
+) -> None:
+    sweeper = Sweeper(clearance_m=0.3)
+    sweeper.update(["lift"], robot((0.0, 1.0), (0.0, 80.0), (0.0, 0.0), 0.0, (1.0, 0.6), floor=floors))
+    sweeper.find_conflicts(NOW_S)
+    box = sweeper._boxes.by_ring[:, :1]
+    went_m = _went_m(box[box["slab"] == int(NOW_S)], np.array([0.8]))
+    assert (went_m > FASTEST_M).tolist() == [is_last]

@@ -641,3 +641,24 @@ def test_a_short_path_goes_on_at_the_speed_of_its_parts_and_not_of_a_gap_before_
     of.receive(status("A", NOW_S, velocity={"linear": 1.0}, path=points(*rows)), NOW_S, LINE)
     end_s, end_m = begin_s + steps[-1], begin_m + steps[-1]
     assert at(of.robots[robot("A")].forecast, NOW_S + 10)[0] == pytest.approx(end_m + 10.0 - end_s, abs=0.4)
+
+
+@pytest.mark.parametrize("mps", [0.0, 0.5])
+@pytest.mark.parametrize("at_m", [10.0, 7.0, 4.0, 0.0])
+def test_a_path_whose_times_are_past_does_not_lead_back(at_m: float, mps: float) -> None:
+    rows = [(NOW_S - 20 + x_m, x_m, 0.0, 0.0) for x_m in (0.0, 5.0, 10.0)]
+    of = hall()
+    of.receive(status("A", NOW_S, at_m, velocity={"linear": mps}, path=points(*rows)), NOW_S, LINE)
+    forecast = of.robots[robot("A")].forecast
+    assert forecast
+    assert min(knot[1] for knot in forecast.knots) == at_m
+    assert max(knot[1] for knot in forecast.knots) >= 10.0
+
+
+def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate() -> None:
+    seen, _ = reported(
+        hall(), 4.0, lambda s: (0.0, 0.0, 0.25 * (round(10 * s) % 2)), 10.0, velocity=None, operationalState="idle"
+    )
+    assert "turn-rate-contradicts-motion" not in seen.deviations
+    assert seen.forecast
+    assert len(seen.forecast.knots) == 1
