@@ -22,7 +22,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
-from ingest.languages.vda5050.orders import is_released
+from ingest.languages.vda5050.orders import is_released, states_ahead
 from ingest.languages.vda5050.trajectories import Curve, curve_of, sampled
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -156,11 +156,9 @@ def _standing_state(memory: VdaMemory, state: StateMessage) -> str:
     if any(action.action_status in BUSY for action in state.action_states or ()):
         return "waitingInternalEvent"
     order = order_by(memory, state)
-    nodes, passed = (order.nodes, order.passed_by(state)) if order else ({}, -1)
-    for node in state.node_states or ():
-        is_ahead = node.sequence_id > passed and node.sequence_id != state.last_node_sequence_id
-        if is_ahead and is_released(node, nodes.get(node.sequence_id)):
-            return "navigating"
+    nodes = order.nodes if order else {}
+    if any(is_released(node, nodes.get(number)) for number, node, _ in states_ahead(state, order, Findings())):
+        return "navigating"
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
