@@ -17,6 +17,7 @@ from ingest.languages.model import (
     Status,
     beyond_turn,
     bounded_codes,
+    goes_on_beside,
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
@@ -226,26 +227,34 @@ def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
     return timestamps.Stamp(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())), inf)
 
 
-def plans_of(message: VdaMotion, stamp_s: float, findings: Findings) -> Plans:
-    """The plans in a message."""
+def _plans_of(message: VdaMotion, stamp_s: float, findings: Findings) -> Plans:
     planned = message.planned_path.trajectory if message.planned_path else None
     path = _intermediate(message.intermediate_path, stamp_s, findings)
     return Plans(stamp_s, path, curve_of(planned, findings) if planned else None)
 
 
+def plans_after(
+    plans: Mapping[str, Plans], message: VdaMotion, kind: str, stamp_s: float, findings: Findings
+) -> dict[str, Plans]:
+    """The plans by kind of message, after a message. A state by which the robot stands leaves no others."""
+    own = _plans_of(message, stamp_s, findings)
+    is_standing = isinstance(message, StateMessage) and message.driving is False
+    return {kind: own} if is_standing else {**plans, kind: own}
+
+
 def newest_plans(
-    plans: Mapping[str, Plans], message: VdaMotion, kind: str, stamp_s: float
+    plans: Mapping[str, Plans], kind: str, stamp_s: float, position: Position
 ) -> tuple[Path, Curve | None]:
     """Path and curve of a message, or else those that came by the other kind, unless they are outdated.
 
-    A state by which the robot stands says that there are no others. `stamp_s` is nan if it is not known.
+    `stamp_s` is that of the position, nan if it is not known. A path of the other kind that does not lead along the
+    position is outdated.
     """
     own = plans[kind]
     other = next((plans[each] for each in plans if each != kind), own)
-    is_standing = isinstance(message, StateMessage) and message.driving is False
-    if is_standing or not abs(stamp_s - other.stamp_s) <= STANDING_REPORTS_S:
+    if not abs(stamp_s - other.stamp_s) <= STANDING_REPORTS_S:
         return own.path, own.curve
-    is_kept = own.path is NO_PATH and max(other.path.times, default=0.0) > stamp_s
+    is_kept = own.path is NO_PATH and goes_on_beside(other.path, stamp_s, position.x, position.y)
     return other.path if is_kept else own.path, own.curve or other.curve
 
 
