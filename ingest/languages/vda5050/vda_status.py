@@ -24,7 +24,7 @@ from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
 from ingest.languages.vda5050.orders import is_released, states_ahead
-from ingest.languages.vda5050.trajectories import Curve, curve_of, sampled
+from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
@@ -262,4 +262,4 @@ def _planned_end(curve: Curve | None, stamp_s: float) -> Path:
     """The end of a planned path as a destination. Nobody says when the robot will be there."""
     if not curve:
         return NO_PATH
-    return Path(((stamp_s, *sampled(curve)[-1], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))
+    return Path(((stamp_s, *curve.points[-1][:2], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))
