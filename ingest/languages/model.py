@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan, pi
+from math import hypot, nan, pi
 
 import msgspec
+import numpy as np
 
 from ingest.batch import Amounts, Basis
 from ingest.languages.rules import Findings, Oddity, RejectedError
@@ -22,6 +23,8 @@ MAX_POSITION = 1e7
 """Metres or degrees. A location beyond it is absurd."""
 MAX_SPEED_MPS = 100.0
 """No robot is faster."""
+BESIDE_M = 1.0
+"""A path that puts a robot further than this from its pose is not followed, if the pose came without it."""
 
 Row = tuple[float, float, float, float]
 """t_s, x, y, yaw_rad: time by the sender's clock, place in the sender's frame and unit. The yaw is nan if unknown."""
@@ -51,6 +54,15 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 
 NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
+
+
+def goes_on_beside(path: Path, t_s: float, x: float, y: float) -> bool:
+    """Whether a path goes on after a time at which it puts the robot near a place. It may also begin later."""
+    times = path.times
+    if not path.ends_s[1] > t_s or times != sorted(times):
+        return False
+    path_x, path_y = (np.interp(t_s, times, [row[axis] for row in path.poses]) for axis in (1, 2))
+    return path.ends_s[0] > t_s or hypot(path_x - x, path_y - y) <= BESIDE_M
 
 
 class Identity(msgspec.Struct, frozen=True, gc=False, eq=False, kw_only=True):

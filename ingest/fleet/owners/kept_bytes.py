@@ -51,9 +51,11 @@ class KeptBytes:
             self._of_robot[uuid] = before._replace(since=since)
             return None
         measured = _bytes_after(message, robot, raw, memory)
-        if is_full and (robot is None or measured > max(before.measured, FEW_BYTES)):
+        if is_full and (robot is None or measured > max(before.measured * 9 // 8, FEW_BYTES)):
             reason = f"{MOST_BYTES >> 20} MiB of {source} are kept; send shorter messages, or of fewer robots"
             return Rejection("robots-too-many", reason, uuid)
+        if is_full and measured > FEW_BYTES:
+            measured = min(measured, before.measured)  # else it could grow by an eighth again and again
         self.forget([uuid])
         self._of_robot[uuid] = _Kept(source, measured)
         self._of_source[source] += measured

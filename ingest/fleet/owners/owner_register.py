@@ -23,6 +23,8 @@ class OwnerRegister:
         """The vendor by UUID."""
         self._robots: dict[str, OrderedDict[str, None]] = {}
         """The UUIDs by vendor, those entered longest ago first."""
+        self._of_others: OrderedDict[str, None] = OrderedDict()
+        """Those of all vendors together that the site file does not name."""
         self.changes = 0
         """Grows with each change."""
         self.forgotten: dict[str, int] = {}
@@ -38,19 +40,20 @@ class OwnerRegister:
             self._owners[uuid] = vendor
             self._robots.setdefault(vendor, OrderedDict())[uuid] = None
             self.changes += 1
-        self._robots[vendor].move_to_end(uuid)
-        if len(self._owners) > MOST_OWNED:
-            self._forget_surplus(vendor)
+        sharing = self._robots[vendor]
+        sharing.move_to_end(uuid)
+        if not self._configured(vendor):
+            sharing = self._of_others
+            sharing[uuid] = None
+            sharing.move_to_end(uuid)
+        if len(sharing) > MOST_OWNED:
+            self._forget(next(iter(sharing)))
 
-    def _forget_surplus(self, vendor: str) -> None:
-        """Forget a robot, if there are too many of the vendor or of those with which it shares its room."""
-        others = [name for name in self._robots if not self._configured(name)]
-        sharing = [vendor] if self._configured(vendor) else others
-        counts = {name: len(self._robots[name]) for name in sharing}
-        if sum(counts.values()) > MOST_OWNED:
-            fullest = max(counts, key=counts.__getitem__)
-            self._remove(next(iter(self._robots[fullest])))
-            self.forgotten[fullest] = self.forgotten.get(fullest, 0) + 1
+    def _forget(self, uuid: str) -> None:
+        """Forget a robot for lack of room."""
+        vendor = self._owners[uuid]
+        self._remove(uuid)
+        self.forgotten[vendor] = self.forgotten.get(vendor, 0) + 1
 
     def settle(self, rename: Callable[[str], str | None]) -> None:
         """Give the robots of each vendor to the vendor that `rename` returns, or to nobody if that is None."""
@@ -61,10 +64,14 @@ class OwnerRegister:
                         self.enter(uuid, renamed)
                     else:
                         self._remove(uuid)
+            elif self._configured(vendor):
+                for uuid in self._robots[vendor]:
+                    self._of_others.pop(uuid, None)
 
     def _remove(self, uuid: str) -> None:
         owner = self._owners.pop(uuid, None)
         if owner is not None:
+            self._of_others.pop(uuid, None)
             del self._robots[owner][uuid]
             if not self._robots[owner]:
                 del self._robots[owner]
@@ -73,7 +80,8 @@ class OwnerRegister:
     def document(self, vendors: VendorRegistry) -> dict[str, Any]:
         """As the file has it. `vendors` says which of the owners the site file names."""
         configured = sorted(filter(vendors.configured, self._robots))
-        owners = [(uuid, vendor) for vendor, robots in self._robots.items() for uuid in robots]
+        named = [uuid for robots in self._robots.values() for uuid in robots if uuid not in self._of_others]
+        owners = [(uuid, self._owners[uuid]) for uuid in (*named, *self._of_others)]
         return {"format": FORMAT, "configured": configured, "owners": owners}
 
     def read(self, data: bytes, vendors: VendorRegistry) -> None:
@@ -87,5 +95,5 @@ class OwnerRegister:
         except (KeyError, TypeError, RecursionError) as error:
             raise ValueError(f"it is no register of owners ({type(error).__name__}: {error})") from error
         for uuid, vendor in owners:
-            self.enter(uuid, vendor)
-        self.settle(lambda vendor: vendors.settled_name(vendor, was_configured=vendor in configured))
+            if settled := vendors.settled_name(vendor, was_configured=vendor in configured):
+                self.enter(uuid, settled)

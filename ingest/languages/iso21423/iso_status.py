@@ -1,23 +1,30 @@
 """The status of a robot by its newest odometry, states, trajectory and plan."""
 
-from math import hypot, nan, pi, remainder
+from math import nan, pi, remainder
 from operator import lt
-
-import numpy as np
 
 from ingest.batch import Amounts
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages import timestamps
 from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import STATES, Speeds, TimedPoint
-from ingest.languages.model import MAX_POSITION, MAX_SPEED_MPS, NO_PATH, Path, Row, Status, beyond_turn
+from ingest.languages.model import (
+    MAX_POSITION,
+    MAX_SPEED_MPS,
+    NO_PATH,
+    Path,
+    Row,
+    Status,
+    beyond_turn,
+    goes_on_beside,
+)
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 
 MOST_POINTS = 200
-OUTDATED_S, BESIDE_M = 3.0, 1.0
-"""A trajectory should come once a second. One that is so much older than the pose is followed only while it goes on,
-and while it puts the robot no further than this from its pose."""
+OUTDATED_S = 3.0
+"""A trajectory should come once a second. One that is so much older than the pose is followed only while it goes on
+beside it."""
 BLOCKED = frozenset(("STOP_CATEGORY_0", "STOP_CATEGORY_1", "STOP_CATEGORY_2", "BLOCKED"))
 BY_STATE = {
     "OFFLINE": "offline",
@@ -79,12 +86,9 @@ def _followed(memory: IsoMemory, pose: IsoPose, findings: Findings) -> Path:
     path, t_s, at = memory.path, pose.stamp.t_s, pose.pose.location_point
     if path is NO_PATH or memory.path_stamp_s >= t_s - OUTDATED_S:
         return path
-    goes_on = path.ends_s[1] > t_s
-    if goes_on and path.in_order and {*path.datums} <= {"", (at.ccs_id or "").lower()}:
-        x, y = (np.interp(t_s, path.times, [row[axis] for row in path.poses]) for axis in (1, 2))
-        if path.ends_s[0] > t_s or hypot(x - at.x, y - at.y) <= BESIDE_M:
-            return path
-    if goes_on or _speed_mps(pose.velocity) > DRIVES_MPS:
+    if {*path.datums} <= {"", (at.ccs_id or "").lower()} and goes_on_beside(path, t_s, at.x, at.y):
+        return path
+    if path.ends_s[1] > t_s or _speed_mps(pose.velocity) > DRIVES_MPS:
         findings["path-outdated"] = None
     return NO_PATH
 

@@ -26,7 +26,7 @@ from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, numbered_states, on_earth
+from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
 from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, curve_of, is_needless, sampled
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, StateMessage
@@ -134,19 +134,13 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
     curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
     curved = sorted(curves)
     nodes, edges = (order.nodes, order.edges) if order else ({}, {})
-    last_number, last_id = state.last_node_sequence_id, state.last_node_id
-    before, passed = -1 if last_number is None else last_number, order.passed_by(state) if order else -1
-    for number, node in numbered_states(state.node_states or (), order, findings):
-        first, before = before, node.sequence_id
-        if number <= passed or (node.sequence_id == last_number and node.node_id == last_id):
-            if number < passed:
-                findings.note("node-passed", "nodeStates[].sequenceId", node.sequence_id, "left out")
-            continue
+    for number, node, before in states_ahead(state, order, findings):
         ordered, edge = nodes.get(number), edges.get(number)
         if ordered and not ordered.is_meant_by(node.node_id):
             findings["order-unseen"] = None
             ordered = edge = None
         place = _place(node, ordered, findings)
+        first = -1 if before is None else before
         between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
             edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_of(curves[between], findings))

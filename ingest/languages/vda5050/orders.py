@@ -4,7 +4,7 @@ A state names the nodes and edges that remain. Only the order says where they ar
 where it stops. An update of an order replaces its horizon and continues its base (stitching).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from operator import itemgetter
 
 import msgspec
@@ -201,6 +201,25 @@ def numbered_states(
         return numbered
     by_sequence.sort(key=_NUMBER)
     return by_sequence
+
+
+def states_ahead(
+    state: StateMessage, order: Order | None, findings: Findings
+) -> Iterator[tuple[int, NodeState, int | None]]:
+    """The nodes that a state names and the robot has not passed: number, node, and sequence id of the node before.
+
+    What the order says is passed is left out only where a number is surely the order's.
+    """
+    nodes, passed = (order.nodes, order.passed_by(state)) if order else ({}, -1)
+    last = before = state.last_node_sequence_id
+    for number, node in numbered_states(state.node_states or (), order, findings):
+        first, before = before, node.sequence_id
+        ordered = nodes.get(number)
+        is_passed = number <= passed and ordered is not None and ordered.is_meant_by(node.node_id)
+        if is_passed and number < passed:
+            findings.note("node-passed", "nodeStates[].sequenceId", node.sequence_id, "left out")
+        if not (is_passed or (node.sequence_id == last and node.node_id == state.last_node_id)):
+            yield number, node, first
 
 
 def _by_node_id(states: Sequence[NodeState], order: Order) -> list[tuple[int, NodeState]] | None:

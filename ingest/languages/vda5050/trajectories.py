@@ -16,8 +16,8 @@ SPACING_M = 0.3
 BEND_RAD = 0.1
 """Where a line bends by more than this, a point of it is kept however near the next is."""
 LEAST_POINTS, MOST_POINTS = 9, 65
-_SAMPLED = 4096
-"""Curves of which the points are cached: those near robots."""
+_SAMPLED = 256
+"""Curves of which the points are cached: those near robots. No limit of a source counts them, and each may be long."""
 Point = tuple[float, float]
 Polyline = tuple[Point, ...]
 
@@ -88,15 +88,19 @@ def _knots(sent: list[float], points: int, degree: int, findings: Findings) -> t
     return ()
 
 
-@lru_cache(_SAMPLED)
 def sampled(curve: Curve) -> Polyline:
-    """Points along a curve, from its first control point to its last.
+    """Points along a curve, from its first control point to its last."""
+    return _corners(curve) if curve.degree == 1 else _points_along(curve)
 
-    A rational curve is the quotient of two curves that are not: the weighted points, and the weights.
-    """
-    corners, degree = tuple((x, y) for x, y, _ in curve.points), curve.degree
-    if degree == 1:
-        return corners
+
+def _corners(curve: Curve) -> Polyline:
+    return tuple((x, y) for x, y, _ in curve.points)
+
+
+@lru_cache(_SAMPLED)
+def _points_along(curve: Curve) -> Polyline:
+    """A rational curve is the quotient of two curves that are not: the weighted points, and the weights."""
+    corners, degree = _corners(curve), curve.degree
     from scipy.interpolate import BSpline  # noqa: PLC0415 - half of all fleets send no curves
 
     length_m = sum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(corners))

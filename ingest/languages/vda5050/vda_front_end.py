@@ -35,7 +35,7 @@ from ingest.languages.vda5050.vda_messages import (
 )
 from ingest.languages.vda5050.vda_reader import read_message
 from ingest.languages.vda5050.vda_rules import CHAPTERS, RULES
-from ingest.languages.vda5050.vda_status import newest_plans, plans_of, status_of, unstamped
+from ingest.languages.vda5050.vda_status import newest_plans, plans_after, status_of, unstamped
 
 ROBOTS = UUID("6f1d9ac2-5b1e-53d5-9a0b-6a2f6a7c5050")
 """Namespace of the UUIDs of robots that are known by manufacturer and serial number."""
@@ -194,7 +194,7 @@ def _read_motion(
     """What a state or a visualization says. `changes` are those of the memory by any message."""
     position = message.position
     own_stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
-    changes = changes | {"plans": memory.plans | {topic.kind: plans_of(message, own_stamp.t_s, findings)}}
+    changes = changes | {"plans": plans_after(memory.plans, message, topic.kind, own_stamp.t_s, findings)}
     if isinstance(message, StateMessage):
         orders, outdated = swapped(memory.orders, memory.outdated, message)
         changes |= {"state": message, "orders": orders, "outdated": outdated}
@@ -212,7 +212,7 @@ def _read_motion(
             changes |= {"connection": "ONLINE"}
         if not isinstance(message, StateMessage):
             position = _on_last_map(position, memory, findings)
-        path, plan = newest_plans(changes["plans"], message, topic.kind, stamp.t_s)
+        path, plan = newest_plans(changes["plans"], topic.kind, stamp.t_s, position)
         pose = VdaPose(own_stamp, position, message.velocity, path, plan)
         memory = msgspec.structs.replace(memory, pose=pose, **changes)
         status = status_of(topic.sender.uuid, memory, findings)

@@ -17,13 +17,14 @@ from ingest.languages.model import (
     Status,
     beyond_turn,
     bounded_codes,
+    goes_on_beside,
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
-from ingest.languages.vda5050.orders import is_released
-from ingest.languages.vda5050.trajectories import Curve, curve_of, sampled
+from ingest.languages.vda5050.orders import is_released, states_ahead
+from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,
@@ -156,11 +157,9 @@ def _standing_state(memory: VdaMemory, state: StateMessage) -> str:
     if any(action.action_status in BUSY for action in state.action_states or ()):
         return "waitingInternalEvent"
     order = order_by(memory, state)
-    nodes, passed = (order.nodes, order.passed_by(state)) if order else ({}, -1)
-    for node in state.node_states or ():
-        is_ahead = node.sequence_id > passed and node.sequence_id != state.last_node_sequence_id
-        if is_ahead and is_released(node, nodes.get(node.sequence_id)):
-            return "navigating"
+    nodes = order.nodes if order else {}
+    if any(is_released(node, nodes.get(number)) for number, node, _ in states_ahead(state, order, Findings())):
+        return "navigating"
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
@@ -228,26 +227,34 @@ def unstamped(sent: IntermediatePath | None) -> timestamps.Stamp:
     return timestamps.Stamp(time_of(timestamps.NO_STAMP, _intermediate(sent, 0.0, Findings())), inf)
 
 
-def plans_of(message: VdaMotion, stamp_s: float, findings: Findings) -> Plans:
-    """The plans in a message."""
+def _plans_of(message: VdaMotion, stamp_s: float, findings: Findings) -> Plans:
     planned = message.planned_path.trajectory if message.planned_path else None
     path = _intermediate(message.intermediate_path, stamp_s, findings)
     return Plans(stamp_s, path, curve_of(planned, findings) if planned else None)
 
 
+def plans_after(
+    plans: Mapping[str, Plans], message: VdaMotion, kind: str, stamp_s: float, findings: Findings
+) -> dict[str, Plans]:
+    """The plans by kind of message, after a message. A state by which the robot stands leaves no others."""
+    own = _plans_of(message, stamp_s, findings)
+    is_standing = isinstance(message, StateMessage) and message.driving is False
+    return {kind: own} if is_standing else {**plans, kind: own}
+
+
 def newest_plans(
-    plans: Mapping[str, Plans], message: VdaMotion, kind: str, stamp_s: float
+    plans: Mapping[str, Plans], kind: str, stamp_s: float, position: Position
 ) -> tuple[Path, Curve | None]:
     """Path and curve of a message, or else those that came by the other kind, unless they are outdated.
 
-    A state by which the robot stands says that there are no others. `stamp_s` is nan if it is not known.
+    `stamp_s` is that of the position, nan if it is not known. A path of the other kind that does not lead along the
+    position is outdated.
     """
     own = plans[kind]
     other = next((plans[each] for each in plans if each != kind), own)
-    is_standing = isinstance(message, StateMessage) and message.driving is False
-    if is_standing or not abs(stamp_s - other.stamp_s) <= STANDING_REPORTS_S:
+    if not abs(stamp_s - other.stamp_s) <= STANDING_REPORTS_S:
         return own.path, own.curve
-    is_kept = own.path is NO_PATH and max(other.path.times, default=0.0) > stamp_s
+    is_kept = own.path is NO_PATH and goes_on_beside(other.path, stamp_s, position.x, position.y)
     return other.path if is_kept else own.path, own.curve or other.curve
 
 
@@ -255,4 +262,4 @@ def _planned_end(curve: Curve | None, stamp_s: float) -> Path:
     """The end of a planned path as a destination. Nobody says when the robot will be there."""
     if not curve:
         return NO_PATH
-    return Path(((stamp_s, *sampled(curve)[-1], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))
+    return Path(((stamp_s, *curve.points[-1][:2], nan),), ("",), in_order=True, ends_s=(stamp_s, stamp_s))

@@ -9,7 +9,7 @@ from ingest.languages.vda5050.vda_memory import VdaMemory
 from ingest.port.connection import Connection
 from tests.helpers import iso_saying
 from tests.helpers.saying import identity, status
-from tests.helpers.vda_saying import edge, line, node, node_states, order, state, under_way
+from tests.helpers.vda_saying import edge, line, node, node_states, order, state, under_way, vda
 from tests.ingest.fleet.made_fleet import NOW_S, counted, fleet
 
 TOO_MANY = "robots-too-many"
@@ -62,6 +62,23 @@ def test_of_a_full_source_known_robots_are_heard_and_new_ones_are_not(monkeypatc
     monkeypatch.setattr(kept_bytes, "MOST_BYTES", 0)
     assert of.receive(state(NOW_S + 1), NOW_S + 1, line("state", "known")) is None
     assert of.receive(state(NOW_S + 1), NOW_S + 1, line("state", "new")) == TOO_MANY
+
+
+def test_of_a_full_source_a_long_robot_is_heard_while_it_grows_no_more_than_goes_unmeasured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    of = fleet()
+    of.receive(long_state(NOW_S), NOW_S, line("state"))
+    monkeypatch.setattr(kept_bytes, "MOST_BYTES", 0)
+    longer = state(NOW_S + 1, nodeStates=LONG_NODES, note="a" * 200_001)
+    assert of.receive(longer, NOW_S + 1, line("state")) is None
+    goodbye = vda(NOW_S + 2, connectionState="OFFLINE")
+    assert of.receive(goodbye, NOW_S + 2, line("connection")) is None
+    rules = []
+    for step in range(1, 11):
+        growing = state(NOW_S + 2 + step, nodeStates=LONG_NODES, note="a" * (200_000 + 30_000 * step))
+        rules.append(of.receive(growing, NOW_S + 2 + step, line("state")))
+    assert rules == [None] + [TOO_MANY] * 9, "not an eighth more each time"
 
 
 def test_of_a_long_state_the_nodes_and_edges_within_the_limit_are_kept() -> None:

@@ -142,8 +142,49 @@ def test_vendors_that_only_messages_name_share_the_room_of_one(monkeypatch: pyte
     register = receiving_fleet.owners.register
     assert [register.owner(robot(f"A-{number}")) for number in range(3)] == ["Alder"] * 3
     kept = [register.owner(robot(f"I-{number}")) for number in range(6)]
-    assert kept == [None, "Invented 0", None, "Invented 1", None, "Invented 2"]
-    assert register.forgotten == {"Invented 0": 1, "Invented 1": 1, "Invented 2": 1}
+    assert kept == [None, None, None, "Invented 1", "Invented 2", "Invented 2"]
+    assert register.forgotten == {"Invented 0": 2, "Invented 1": 1}
+
+
+def test_of_vendors_that_share_their_room_the_oldest_robots_are_forgotten_also_after_a_restart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 4)
+    vendors = VendorRegistry((ALDER,))
+    before, after = OwnerRegister(vendors.configured), OwnerRegister(vendors.configured)
+    for uuid, vendor in (("a", "I 1"), ("b", "Honest"), ("c", "I 2"), ("d", "Honest"), ("a", "I 1")):
+        before.enter(uuid, vendor)
+    after.read(json.dumps(before.document(vendors)).encode(), vendors)
+    for register in (before, after):
+        register.enter("e", "I 3")
+        register.enter("f", "I 4")
+        assert [register.owner(uuid) for uuid in "abcdef"] == ["I 1", None, None, "Honest", "I 3", "I 4"]
+
+
+def test_a_vendor_that_the_site_file_begins_to_name_shares_its_room_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 2)
+    configured: set[str] = set()
+    register = OwnerRegister(configured.__contains__)
+    register.enter("a", "Alder")
+    configured.add("Alder")
+    register.settle(lambda vendor: vendor)
+    for number in range(3):
+        register.enter(f"i {number}", "Invented")
+    assert [register.owner(uuid) for uuid in ("a", "i 0", "i 1")] == ["Alder", None, "Invented"]
+
+
+def test_an_entry_looks_at_the_name_of_its_own_vendor_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owner_register, "MOST_OWNED", 3)
+    looked_at: list[str] = []
+
+    def is_configured(vendor: str) -> bool:
+        looked_at.append(vendor)
+        return False
+
+    register = OwnerRegister(is_configured)
+    for number in range(10):
+        register.enter(f"i {number}", f"Invented {number}")
+    assert looked_at == [f"Invented {number}" for number in range(10)]
 
 
 class ComparedName(str):

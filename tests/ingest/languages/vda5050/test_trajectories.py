@@ -6,6 +6,7 @@ import pytest
 from ingest.batch import Basis
 from ingest.languages.model import NO_PATH
 from ingest.languages.rules import Findings
+from ingest.languages.vda5050 import trajectories
 from ingest.languages.vda5050.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
 from tests.helpers.vda_saying import edge, node, order, state, under_way
@@ -145,3 +146,16 @@ def test_the_last_curve_of_a_long_order_is_followed() -> None:
     status = Listener().status_after(("order", order(T, nodes, edges)), ("state", report))
     assert len(status.path.poses) > 5
     assert status.findings == ()
+
+
+def test_few_long_curves_are_cached_and_a_planned_path_that_is_not_followed_is_not() -> None:
+    cached = trajectories._points_along
+    assert (cached.cache_info().maxsize or 10**9) <= 256
+    cached.cache_clear()
+    plan, straight = {"trajectory": ARC}, {"trajectory": ARC | {"degree": 1, "knotVector": None}}
+    read = Listener().status_after(("state", state(T, plannedPath=plan)))
+    assert read.destinations.poses[0][1:3] == (4.0, 4.0)
+    assert len(Listener().status_after(("state", state(T, driving=True, plannedPath=straight))).path.poses) > 1
+    assert cached.cache_info().currsize == 0
+    assert on_arc(("state", state(T, driving=True, plannedPath=plan)))
+    assert cached.cache_info().currsize == 1

@@ -219,6 +219,32 @@ def test_a_path_ends_with_a_message_of_its_own_topic_or_with_the_drive() -> None
     assert listener.status_after(("state", state_3(T + 2, driving=False))).path is NO_PATH
 
 
+def test_a_path_of_another_topic_does_not_come_back_after_a_state_by_which_the_robot_stands() -> None:
+    listener = Listener()
+    listener.hears("visualization", visualization(T, 0.0, 0.0, intermediatePath=PLANNED, plannedPath=CURVE))
+    listener.hears("state", state_3(T + 1, driving=False))
+    gone_on = listener.status_after(("state", state_3(T + 2, driving=True, velocity={"vx": 1.0})))
+    assert (gone_on.path, gone_on.destinations) == (NO_PATH, NO_PATH)
+
+
+@pytest.mark.parametrize(("y", "is_kept"), [(0.0, True), (0.9, True), (1.1, False)])
+def test_a_path_of_another_topic_is_followed_only_by_a_robot_that_is_beside_it(y: float, is_kept: bool) -> None:
+    listener = Listener()
+    listener.hears("state", state_3(T, driving=True, intermediatePath=PLANNED))
+    away = listener.status_after(("visualization", visualization(T + 3, 3.0, y)))
+    assert (away.path is not NO_PATH) == is_kept
+    own = listener.status_after(("visualization", visualization(T + 4, 4.0, 5.0, intermediatePath=PLANNED)))
+    assert own.path is not NO_PATH
+
+
+@pytest.mark.parametrize(("x", "is_kept"), [(3.0, True), (1.0, False)])
+def test_a_path_with_a_point_sent_twice_is_compared_with_the_pose_too(x: float, is_kept: bool) -> None:
+    listener, points = Listener(), PLANNED["polyline"]
+    listener.hears("state", state_3(T, driving=True, intermediatePath={"polyline": [points[0], *points]}))
+    kept = listener.status_after(("visualization", visualization(T + 3, x, 0.0)))
+    assert (kept.path is not NO_PATH) == is_kept
+
+
 def test_a_planned_path_lasts_as_long_as_states_may_be_apart() -> None:
     listener = Listener()
     listener.hears("state", state(T, driving=True, plannedPath=CURVE))

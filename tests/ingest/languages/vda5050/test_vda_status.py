@@ -10,7 +10,7 @@ from ingest.languages.model import Status
 from ingest.languages.timestamps import write
 from ingest.sizes.size_limit import Rectangle
 from ingest.sizes.stated_loads import NO_LOADS, LoadBox, read_loads
-from tests.helpers.vda_saying import node, node_states, order, position, state, state_3, vda, visualization
+from tests.helpers.vda_saying import node, node_states, order, position, state, state_3, under_way, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 RUNNING = [{"actionId": "a", "actionStatus": "RUNNING"}]
@@ -87,6 +87,27 @@ def test_a_node_is_released_unless_the_state_or_the_order_says_otherwise(ordered
     assert (read.state == "navigating") == expected
     assert "key-absent" in read.findings
     assert read.oddities[0].path == "nodeStates[0].released"
+
+
+@pytest.mark.parametrize("numbers", [(0, 2), (1, 2), (4, 6)])
+def test_a_robot_that_stands_goes_on_to_nodes_that_its_states_number_otherwise_than_the_order(
+    numbers: tuple[int, int],
+) -> None:
+    nodes = [node(number, 4.0 * number) for number in range(4)]
+    ahead = [{**each, "sequenceId": number} for each, number in zip(nodes[2:], numbers, strict=True)]
+    report = under_way(T, 4.0, 0.0, nodes[2:], driving=False, nodeStates=node_states(ahead))
+    read = Listener().status_after(("order", order(T - 1, nodes)), ("state", report))
+    assert (read.state, read.path_basis) == ("navigating", Basis.ORDER)
+    assert [row[1] for row in read.path.poses] == [8.0, 12.0]
+
+
+def test_nodes_that_the_order_lacks_are_ahead_whatever_their_numbers_are() -> None:
+    nodes = [node(number, 4.0 * number) for number in range(4)]
+    unseen = [node(0, 9.0, nodeId="m0"), node(1, 9.0, 3.0, nodeId="m1")]
+    for driving in (False, True):
+        report = under_way(T, 4.0, 0.0, nodes[2:], driving=driving, nodeStates=unseen)
+        read = Listener().status_after(("order", order(T - 1, nodes)), ("state", report))
+        assert (read.state, read.path.poses[-1][1:3]) == ("navigating", (9.0, 3.0))
 
 
 def test_a_retained_goodbye_does_not_outlive_newer_states() -> None:
