@@ -146,11 +146,12 @@ async def test_a_late_answer_about_a_robot_leaves_the_dialog_of_another_open(bro
 
 
 async def test_a_decision_without_an_answer_is_given_up(browser: "Browser", face: Served) -> None:
+    refusal = "Not stored: no answer yet; look whether it is there before you send it again"
     await face.publish(shown(1, 0, 1))
     async with opened(browser, face) as page, held(page, DECISIONS):
         await page.evaluate(CUT_MS)
         await press_take(page, 1)
-        await until(page, "document.getElementById('refused').textContent === 'Not stored: signal timed out'")
+        await until(page, f"document.getElementById('refused').textContent === '{refusal}'")
 
 
 async def test_an_older_report_of_a_robot_replaces_no_newer_one(browser: "Browser", face: Served) -> None:

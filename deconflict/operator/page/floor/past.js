@@ -8,6 +8,7 @@ const STEP_S = 10;
 const LONG_S = 5; // an answer that takes longer is given up if another moment is chosen, one that takes much longer is lost
 const LOST_MS = 60_000;
 const RETRY_MS = 1000;
+const MOST_LOST = 5; // after so many lost answers in a row the page says why the moment can't be shown
 
 export class Past {
   // `changed` is called when another time is shown.
@@ -51,13 +52,14 @@ export class Past {
   // one after the other, too.
   async readMoments() {
     if (this.reading) return;
-    while (this.shown.isReading) {
+    for (let [lost, lostTurn] = [0, null]; this.shown.isReading; ) {
       const { turn, chosenS } = this.shown;
       [this.reading, this.askedS] = [new AbortController(), pageS()];
       try {
         this.shown.take(turn, await read(`past?at_s=${chosenS}`, AbortSignal.any([this.reading.signal, AbortSignal.timeout(LOST_MS)])));
       } catch (error) {
-        if (isLost(error)) await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+        [lost, lostTurn] = [turn === lostTurn ? lost + 1 : 1, turn];
+        if (isLost(error) && lost < MOST_LOST) await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
         else this.shown.fail(turn, error.message);
       }
     }

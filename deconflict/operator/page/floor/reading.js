@@ -13,7 +13,7 @@ export async function read(address, signal = AbortSignal.timeout(LONGEST_MS)) {
 export async function post(address, decision) {
   const answer = await fetch(address, {
     method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(decision), signal: AbortSignal.timeout(LONGEST_MS),
-  });
+  }).catch((error) => { throw error.name === "TimeoutError" ? new Error("no answer yet; look whether it is there before you send it again") : error; });
   if (answer.ok) return;
   const { detail } = await answer.json();
   throw new Error(Array.isArray(detail) ? detail.map((error) => error.msg).join("; ") : String(detail));
