@@ -73,13 +73,12 @@ class Sweeper:
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
         self._accuracy_m = ACCURACY_M
         self._crowds, self._crowded_pairs, self._trains = crowds, CrowdedPairs(), Trains()
-        self._grow_m = clearance_m / 2 + TOLERANCE_M
+        self._grow_m, self._slabs = clearance_m / 2 + TOLERANCE_M, ceil(horizon_s) + 1 + AHEAD
         self._choice = PairChoice(claims, self._grow_m)
         self._is_crowded: Bools = np.zeros(0, bool)
         """(slots,) whether each body is of a robot in a crowd, in this pass."""
         self._is_cut: Bools = np.zeros(0, bool)
         """(slots,) whether a pair of the body was left out in this pass."""
-        self._slabs = ceil(horizon_s) + 1 + AHEAD
         self._slot_table = SlotTable()
         self._touched: Bools = np.zeros(0, bool)
         """(slots,) whether the robot changed or left since the last pass."""

@@ -48,9 +48,9 @@ def route_by_path(
         if points[-1][0] <= here.t_s or not in_order:
             begin = _next_point(points, here)
             points, floors = _retimed(points[begin:], here, context.body, paces), floors[begin:]
+            findings.append("path-retimed")
             if not points:
                 return None
-            findings.append("path-retimed")
         times = [point[0] for point in points]
     ahead = bisect_right(times, here.t_s)
     within = bisect_left(times, here.t_s + context.reading.horizon_s + context.reading.quiet_after_s) + 1
