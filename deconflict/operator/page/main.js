@@ -26,6 +26,7 @@ const HEAT_MS = 60_000;
 const EXITS_MS = 20_000;
 const RECENT_S = 150;
 const FRAME_MS = 30;
+const UNDRAWN_MS = 1000;
 const LIST_MS = 250;
 const LEAST_SHOWN_M = 5;
 const EXTENT_STEP_M = 2;
@@ -134,8 +135,13 @@ function bounds(scene) {
 // To whole steps, so that the map stands still while robots drive.
 function down(metres) { return Math.floor((metres - 1) / EXTENT_STEP_M) * EXTENT_STEP_M; }
 
+function animate(at) {
+  requestAnimationFrame(animate);
+  draw(at);
+}
+
+// Draws all that changes with time, also where the browser gives no frames, as to a window that is covered.
 function draw(at) {
-  requestAnimationFrame(draw);
   if (at - drawn < FRAME_MS) return;
   drawn = at;
   const [name, text] = shown.status;
@@ -436,4 +442,5 @@ begin();
 setInterval(readHeat, HEAT_MS);
 readExits();
 setInterval(readExits, EXITS_MS);
-requestAnimationFrame(draw);
+requestAnimationFrame(animate);
+setInterval(() => { if (performance.now() - drawn > UNDRAWN_MS) draw(performance.now()); }, UNDRAWN_MS);

@@ -46,7 +46,10 @@ WITHIN_S = 3.0
 """How far what the page says may be from the truth."""
 FRAME_S = 0.5
 """What the machine may take from the moment in which the page looks at its clock until the picture is looked at."""
-STATE = "({ status: document.getElementById('status').textContent, visible: document.visibilityState })"
+STATE = (
+    "({ status: document.getElementById('status').textContent, visible: document.visibilityState, "
+    "frames: document.documentElement.dataset.frames })"
+)
 CLAIM = re.compile(r"(?:floor at|since|Showing) (\d\d:\d\d:\d\d)")
 CARDS_CLAIM = re.compile(r"the warnings of (\d\d:\d\d:\d\d)")
 WATCH = """async (uuid) => {
@@ -373,3 +376,12 @@ async def through_storms(browser: "Browser", directory: Path, random: Random) ->
         seen.network.clear_up()
         await seen.press_live()
         await seen.until_said("^Live")
+
+
+async def test_a_page_that_gets_no_frames_says_what_time_it_shows(browser: "Browser", tmp_path: Path) -> None:
+    async with watched(browser, tmp_path) as seen:
+        await seen.until_said("^Live")
+        await seen.page.evaluate("window.requestAnimationFrame = () => 0")
+        await seen.for_s(1)
+        seen.floor.runs = False
+        await seen.until_said("^Nothing new since")
