@@ -47,8 +47,6 @@ SITE = DEFAULT.model_copy(
 LONGEST_PASS_S, LONGEST_DRIVE_S = 5.0, 120.0
 """A drive is given up after a pass, or passes in all, that take so much processor time."""
 SEVERITIES = tuple(Severity)
-SWEPT = ("box_pairs", "segment_pairs", "advanced_pairs", "fcl_calls")
-"""What a sweep counts of its work."""
 
 
 class Work(NamedTuple):

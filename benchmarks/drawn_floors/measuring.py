@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.drawn_floors.driving import SWEPT, Drive, drive
+from benchmarks.drawn_floors.driving import Drive, drive
 from benchmarks.drawn_floors.figures import MOST_MORE_S
 from benchmarks.drawn_floors.floor import Floor, honest_floor
 from benchmarks.drawn_floors.judging import compared
@@ -15,6 +15,7 @@ from benchmarks.drawn_floors.motion import Robot, sent_by
 from deconflict.runtime.learned_state import Part
 from ingest.batch import Floats
 
+SWEEP_WORK = "swept_pairs", "box_pairs", "segment_pairs", "advanced_pairs", "fcl_calls"
 PASSES = 20
 """As many in a row make a figure."""
 
@@ -68,7 +69,7 @@ def measured(floor: Floor, terms: Terms, usual: dict[str, float]) -> dict[str, A
         "usual_pairs": round(usual["pairs"]),
         "pairs_ratio": round(pairs / usual["pairs"], 2),
         "boxes_ratio": round(windowed(beside.column("box_pairs")) / usual["box_pairs"], 2),
-        "work": {name: _most(beside, name) for name in ("swept_pairs", *SWEPT)},
+        "work": {name: _most(beside, name) for name in SWEEP_WORK},
         "foreseen_pairs": _most(beside, "foreseen_pairs"),
         "open_conflicts": _most(beside, "open_conflicts"),
         "not_examined": beside.not_examined,

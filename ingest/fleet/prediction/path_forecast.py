@@ -13,6 +13,7 @@ from ingest.fleet.prediction.way_on import THERE_M
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import LEAST_STEP_S, SPOT_M
 from ingest.frames.frame_registry import Frame
+from ingest.frames.way_pieces import nearest_piece
 from ingest.languages.model import Path
 
 JUMP_FACTOR, JUMP_SLACK_M = 2.0, 0.5
@@ -121,20 +122,10 @@ def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[li
 def _next_point(points: list[Knot], here: Sighting) -> int:
     """The row of the point that comes next on a way without usable times: the end of its nearest piece, if the robot is
     on it. Behind the last row, if it is there."""
-    nearest_m, begin = THERE_M, 0
-    for row, (before, after) in enumerate(pairwise(points), 1):
-        away_m = _away_m(before, after, here)
-        if away_m < nearest_m:
-            nearest_m, begin = away_m, row
+    nearest_m, end = nearest_piece([(x, y) for _, x, y, _ in points], here.x_m, here.y_m)
+    begin = end if nearest_m < THERE_M else 0
     is_over = begin == len(points) - 1 and hypot(points[-1][1] - here.x_m, points[-1][2] - here.y_m) <= THERE_M
     return len(points) if is_over else begin
-
-
-def _away_m(before: Knot, after: Knot, here: Sighting) -> float:
-    """How far a robot is from a piece of a way."""
-    dx, dy, to_x, to_y = after[1] - before[1], after[2] - before[2], here.x_m - before[1], here.y_m - before[2]
-    along = min(max((to_x * dx + to_y * dy) / max(dx * dx + dy * dy, SPOT_M**2), 0.0), 1.0)
-    return hypot(to_x - along * dx, to_y - along * dy)
 
 
 def _length_m(here: Sighting, placed: list[tuple[Knot, int]]) -> float:

@@ -6,7 +6,6 @@ unreleased horizon if its bases are usually extended before it reaches their end
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from math import atan2, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
@@ -22,6 +21,7 @@ from ingest.frames.assumed_motion import (
     SPOT_M,
     turn_in_parts,
 )
+from ingest.frames.way_pieces import nearest_piece
 from ingest.languages.model import NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
@@ -272,12 +272,5 @@ class _Walk:
 def _curve_ahead(curve: Polyline, here: Row) -> Polyline:
     """The points of a curve that are ahead of a robot. Empty if the robot is far from it."""
     _, x, y, _ = here
-    nearest_m, ahead = inf, 0
-    for row, ((ax, ay), (bx, by)) in enumerate(pairwise(curve)):
-        dx, dy = bx - ax, by - ay
-        square = dx * dx + dy * dy
-        along = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0) if square else 0.0
-        away_m = hypot(ax + along * dx - x, ay + along * dy - y)
-        if away_m < nearest_m:
-            nearest_m, ahead = away_m, row + 1
+    nearest_m, ahead = nearest_piece(curve, x, y)
     return curve[ahead:] if nearest_m <= ON_CURVE_M else ()
