@@ -4,15 +4,15 @@ Around a body there is room for few others. So robots that are where they report
 one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
-1. Pairs that are watched, and the most urgent ones of each robot that has not as many already, are examined in any
-   case.
+1. Of each robot, the most urgent pairs are examined in any case: those that are watched, as many as have room around a
+   body, and the first of others, if it has not as many already. They count among what their sources get.
 2. Newcomers, and in the sweep bodies that are faster than any robot, come last: they get what the others leave.
 3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
    whatever source, takes nothing from them.
 4. The rest is for the sources. One that needs little gets all that it needs. What is left is shared equally by the
    others (max-min fairness). The source of the robot that came later pays for a pair.
-5. Within a source, each robot is compared with the most urgent one of each source first, then with the second one.
-   Robots that came later than it follow those that did not.
+5. Within a source, pairs that are watched come first. Then each robot is compared with the most urgent one of each
+   source, then with the second one. Robots that came later than it follow those that did not.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,8 +30,9 @@ MOST_OF_SOURCE = 24
 """A robot is compared with so many others of one source."""
 LATER_S = 10.0
 """Robots that are known for this much longer than others were there before."""
-ALWAYS = 2
-"""The most urgent pairs of each robot are examined whatever the budget, unless so many are held already."""
+ALWAYS, ALWAYS_WATCHED = 2, 6
+"""The most urgent pairs of each robot are examined whatever the budget, unless so many are held already; and of those
+that are watched so many, since no more bodies of its size touch a body. A robot that is watched with more jumps."""
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
@@ -85,7 +86,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 900, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
+BOXES, PAIRS = Budget(18, 600, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
@@ -126,25 +127,22 @@ class PairNeeds(NamedTuple):
 def chosen_pairs(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
     """(p,) which pairs to examine. They cost `most`, or not much more; see the rules of this module.
 
-    Pairs that are watched, and the first `ALWAYS` of each robot, are chosen whatever their number.
+    The first `ALWAYS` of each robot, and `ALWAYS_WATCHED` that are watched, are chosen whatever their number.
     """
     _, source = np.unique(sharers.source, return_inverse=True)
     sharers = sharers._replace(source=source)
     ranks, places = _ranks(needs, sharers)
-    always = needs.is_watched | (places < ALWAYS)
-    is_new = sharers.is_new[needs.a] | sharers.is_new[needs.b]
-    chosen, payer, can_be = always.copy(), _payers(needs, sharers), ranks < MOST_OF_SOURCE
+    chosen, payer = places < np.where(needs.is_watched, ALWAYS_WATCHED, ALWAYS), _payers(needs, sharers)
+    is_new, can_be = sharers.is_new[needs.a] | sharers.is_new[needs.b], chosen | (ranks < MOST_OF_SOURCE)
     for is_of_class in (~is_new, is_new):
-        most -= int(needs.costs[always & is_of_class].sum())
-        rows = np.flatnonzero(is_of_class & can_be & ~always)
-        rows = rows[np.argsort(ranks[rows], kind="stable")]
+        rows = np.flatnonzero(is_of_class & can_be)
+        rows = rows[np.lexsort((ranks[rows], ~needs.is_watched[rows], ~chosen[rows]))]
         is_within = _of_known_longest(needs.of(rows), sharers, most // 2)
         chosen[rows[is_within]] = True
         most -= int(needs.costs[rows[is_within]].sum())
         rows = rows[~is_within]
-        is_within = _within_shares(needs.costs[rows], payer[rows], most)
-        chosen[rows[is_within]] = True
-        most -= int(needs.costs[rows[is_within]].sum())
+        chosen[rows] = _within_shares(needs.costs[rows], payer[rows], chosen[rows], most)
+        most -= int(needs.costs[rows[chosen[rows]]].sum())
     return chosen
 
 
@@ -156,33 +154,37 @@ def _of_known_longest(needs: PairNeeds, sharers: Sharers, most: int) -> Bools:
     return (np.cumsum(np.bincount(turn, needs.costs)) <= most)[turn] if len(turn) else np.zeros(0, np.bool_)
 
 
-def _within_shares(costs: Ints, payer: Ints, most: int) -> Bools:
-    """(p,) which pairs are within the shares of their sources `payer` (p,), of `most` in all, in their order."""
+def _within_shares(costs: Ints, payer: Ints, always: Bools, most: int) -> Bools:
+    """(p,) which pairs are within the shares of their sources `payer` (p,), of `most` in all, in their order: those of
+    each source that are examined in any case, `always` (p,), come first, and more if its share has room."""
     order, needed = np.argsort(payer, kind="stable"), np.bincount(payer, costs).astype(np.int64)
+    in_any_case = np.bincount(payer, costs * always, len(needed)).astype(np.int64)
     ordered, payers = costs[order], payer[order]
     before = np.cumsum(ordered) - ordered - (np.cumsum(needed) - needed)[payers]
     is_within = np.empty(len(order), np.bool_)
-    is_within[order] = before < _shares(needed, most)[payers]
-    return is_within
+    is_within[order] = before < _shares(needed, in_any_case, most)[payers]
+    return is_within | always
 
 
 def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     """Two places (p,) of each pair, the most urgent first: among the pairs of a robot with one source, and among all
-    pairs of a robot, which takes one pair of each source after the other. The smaller place of the two robots counts.
-    A robot in a crowd gives none, and one that is served none among all its pairs."""
+    pairs of a robot, which takes one pair of each source after the other, and what is watched first. The smaller place
+    of the two robots counts. A robot in a crowd gives none, and one that is served none to pairs that are not watched."""
     gap = np.minimum(needs.gap_m / _GAP_M, _GAPS - 1).astype(np.int64)
     urgency = np.minimum(needs.moment, _MOMENTS - 1) * _GAPS + gap
     urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
-    ranks, places = np.full((2, len(needs.a)), len(needs.a))
-    for own, other in ((needs.a, needs.b), (needs.b, needs.a)):
-        rows = np.flatnonzero(~sharers.is_crowded[own])
-        others = other[rows]
-        came_later = sharers.came_s[others] > sharers.came_s[own[rows]] + LATER_S
-        keys = urgency[rows] + came_later * _MOMENTS * _GAPS
-        of_source = _places(own[rows] * _SOURCES + sharers.source[others] % _SOURCES, keys)
-        in_turn = _places(own[rows], np.minimum(of_source, _MOST_TURNS) * (4 * _MOMENTS * _GAPS) + keys)
-        in_turn[sharers.is_served[own[rows]]] = len(needs.a)
-        ranks[rows], places[rows] = np.minimum(ranks[rows], of_source), np.minimum(places[rows], in_turn)
+    own, other = np.concatenate([needs.a, needs.b]), np.concatenate([needs.b, needs.a])
+    rows = np.flatnonzero(~sharers.is_crowded[own])
+    own, other, is_watched = own[rows], other[rows], np.tile(needs.is_watched, 2)[rows]
+    came_later = sharers.came_s[other] > sharers.came_s[own] + LATER_S
+    comes_later = came_later | (sharers.is_new[other] & ~sharers.is_new[own])
+    keys = np.tile(urgency, 2)[rows] + comes_later * _MOMENTS * _GAPS
+    of_source = _places(own * _SOURCES + sharers.source[other] % _SOURCES, keys)
+    in_turn = _places(own, np.minimum(of_source, _MOST_TURNS) * (4 * _MOMENTS * _GAPS) + keys, ~is_watched)
+    in_turn[sharers.is_served[own] & ~is_watched] = len(needs.a)
+    both = np.full((2, 2 * len(needs.a)), len(needs.a))
+    both[0, rows], both[1, rows] = of_source, in_turn
+    ranks, places = both.reshape(2, 2, -1).min(axis=1)
     return ranks, places
 
 
@@ -205,15 +207,15 @@ def _payers(needs: PairNeeds, sharers: Sharers) -> Ints:
     return np.where(np.where(np.abs(later_s) > LATER_S, later_s > 0.0, needed[a] > needed[b]), a, b)
 
 
-def _shares(needed: Ints, most: int) -> Ints:
-    """(sources,) how much each source may have, of `most` in all, if it needs `needed` (sources,): all, or as much as
-    any other (Bertsekas and Gallager 1992, "max-min flow control")."""
-    order, left = np.argsort(needed, kind="stable"), max(most, 0)
-    shares = np.zeros(len(needed), np.int64)
-    for place, source in enumerate(order.tolist()):
-        shares[source] = min(needed[source], left // (len(order) - place))
-        left -= shares[source]
-    return shares
+def _shares(needed: Ints, in_any_case: Ints, most: int) -> Ints:
+    """(sources,) how much each source may have, of `most` in all, if it needs `needed` (sources,) and gets
+    `in_any_case` (sources,): all, or as much as any other (Bertsekas and Gallager 1992, "max-min flow control")."""
+    level, above = 0, int(needed.max(initial=0)) + 1
+    while above - level > 1:
+        middle = (level + above) // 2
+        is_room = np.clip(middle, in_any_case, needed).sum() <= most
+        level, above = (middle, above) if is_room else (level, middle)
+    return np.clip(level, in_any_case, needed)
 
 
 class PairChoice:
@@ -248,23 +250,24 @@ class PairChoice:
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
-        first, (is_crowded, is_cut) = pairs[begins], marks
-        found = np.diff(np.append(begins, len(pairs)))
-        pullers = pulled_by(table.robots[: len(table)])
+        first, found, (is_crowded, is_cut) = pairs[begins], np.diff(np.append(begins, len(pairs))), marks
+        pullers, are_fast = pulled_by(table.robots[: len(table)]), self._are_fast(first, table, boxes)
         sharers = _sharers(table, pullers, self._claims, (is_crowded, _are_served(held, covered, len(is_crowded))))
-        is_fast = np.zeros(len(first), bool)
-        for slots in (first["a"], first["b"]):
-            radius_m = table.robots["radius"][slots] + self._grow_m
-            fast_rows = _went_m(boxes[first["ring"], slots], radius_m) > FASTEST_M
-            is_fast |= fast_rows
-            sharers.is_new[slots[fast_rows]] = True
-        costs = np.where(is_fast, np.maximum(found, FAST_COST), found)
+        for slots, rows in zip((first["a"], first["b"]), are_fast, strict=True):
+            sharers.is_new[slots[rows]] = True
+        costs = np.where(are_fast.any(axis=0), np.maximum(found, FAST_COST), found)
         needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
         is_chosen = chosen_pairs(needs, sharers, most)
         left_out = first[~is_chosen]
         is_cut[left_out["a"]] = is_cut[left_out["b"]] = True
         self.left_out += len(left_out)
         return pairs[np.repeat(is_chosen, found)]
+
+    def _are_fast(self, first: Pairs, table: SlotTable, boxes: NDArray[Any]) -> Bools:
+        """(2, p) whether the body `a` and the body `b` of each pair is faster than any robot when they first meet."""
+        radius_m = table.robots["radius"] + self._grow_m
+        both = (first["a"], first["b"])
+        return np.array([_went_m(boxes[first["ring"], slots], radius_m[slots]) > FASTEST_M for slots in both])
 
 
 def _went_m(boxes: NDArray[Any], radius_m: Floats) -> Floats:

@@ -9,6 +9,7 @@ import pytest
 from deconflict.sweep.incremental import Sweeper
 from deconflict.sweep.pair_choice import (
     ALWAYS,
+    ALWAYS_WATCHED,
     BOXES,
     FASTEST_M,
     LATER_S,
@@ -94,9 +95,31 @@ def test_who_came_later_pays_for_pairs_with_robots_that_were_there(sources: int)
 
 def test_a_watched_pair_is_never_left_out_for_a_new_one() -> None:
     a, b = all_pairs()
-    is_watched = np.random.default_rng(1).random(len(a)) < 0.01
+    is_watched = (b - a <= ALWAYS_WATCHED / 2) & (np.random.default_rng(1).random(len(a)) < 0.8)
     chosen = chosen_pairs(needs(a, b, np.full(len(a), 9), is_watched), sharers(1), 10)
     assert chosen[is_watched].all()
+
+
+def test_of_more_watched_pairs_than_have_room_around_a_body_the_first_stay_and_more_as_the_budget_has() -> None:
+    a, b = all_pairs()
+    is_watched = np.random.default_rng(1).random(len(a)) < 0.03
+    moments = np.random.default_rng(2).integers(0, 10, len(a))
+    few = chosen_pairs(needs(a, b, moments, is_watched), sharers(1), 10)
+    of_robot = sum(np.bincount(side[is_watched & few], minlength=SLOTS) for side in (a, b))
+    left_out = is_watched & ~few
+    assert left_out.any()
+    assert (of_robot[a[left_out]] >= ALWAYS_WATCHED).all()
+    assert (of_robot[b[left_out]] >= ALWAYS_WATCHED).all()
+    all_watched = chosen_pairs(needs(a, b, moments, is_watched), sharers(1), int(is_watched.sum()) + SLOTS * ALWAYS)
+    assert all_watched[is_watched].all()
+
+
+def test_a_robot_has_no_more_pairs_in_any_case_by_the_order_of_names() -> None:
+    a, b = all_pairs()
+    of_one = (a == SLOTS // 2) | (b == SLOTS // 2)
+    others = np.where(np.arange(SLOTS) == SLOTS // 2, False, True)
+    chosen = chosen_pairs(needs(a[of_one], b[of_one]), sharers(1)._replace(is_crowded=others), 0)
+    assert chosen.sum() == ALWAYS
 
 
 def test_the_most_urgent_pairs_of_a_robot_are_chosen_first() -> None:
