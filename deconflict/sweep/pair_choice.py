@@ -28,7 +28,7 @@ from ingest.batch import Bools, Floats, Ints, Pair
 
 MOST_OF_SOURCE = 24
 """A robot is compared with so many others of one source."""
-LATER_S = 10.0
+LATER_S = 5.0
 """Robots that are known for this much longer than others were there before."""
 ALWAYS, ALWAYS_WATCHED = 2, 6
 """The most urgent pairs of each robot are examined whatever the budget, unless so many are held already; and of those
@@ -169,7 +169,7 @@ def _within_shares(costs: Ints, payer: Ints, always: Bools, most: int) -> Bools:
 def _ranks(needs: PairNeeds, sharers: Sharers) -> tuple[Ints, Ints]:
     """Two places (p,) of each pair, the most urgent first: among the pairs of a robot with one source, and among all
     pairs of a robot, which takes one pair of each source after the other, and what is watched first. The smaller place
-    of the two robots counts. A robot in a crowd gives none, and one that is served none to pairs that are not watched."""
+    of the two robots counts. A robot in a crowd gives none; one that is served gives none to pairs that are new."""
     gap = np.minimum(needs.gap_m / _GAP_M, _GAPS - 1).astype(np.int64)
     urgency = np.minimum(needs.moment, _MOMENTS - 1) * _GAPS + gap
     urgency[~needs.is_watched] += 2 * _MOMENTS * _GAPS
