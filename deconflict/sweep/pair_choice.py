@@ -4,8 +4,8 @@ Around a body there is room for few others. So robots that are where they report
 one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
-1. Of each robot, the most urgent pairs are examined in any case: those that are watched, as many as have room around a
-   body, and the first of others, if it has not as many already. They count among what their sources get.
+1. Of each robot, the most urgent pairs are examined in any case: a few that are watched, and the first of others, if
+   it has not as many already. They count among what their sources get.
 2. Newcomers, and in the sweep bodies that are faster than any robot, come last: they get what the others leave.
 3. The robots that are known longest get all that they need, up to half of the budget. So whoever comes later, of
    whatever source, takes nothing from them.
@@ -30,9 +30,9 @@ MOST_OF_SOURCE = 24
 """A robot is compared with so many others of one source."""
 LATER_S = 5.0
 """Robots that are known for this much longer than others were there before."""
-ALWAYS, ALWAYS_WATCHED = 2, 6
-"""The most urgent pairs of each robot are examined whatever the budget, unless so many are held already; and of those
-that are watched so many, since no more bodies of its size touch a body. A robot that is watched with more jumps."""
+ALWAYS, ALWAYS_WATCHED = 2, 3
+"""The most urgent pairs of each robot are examined whatever the budget, unless so many are held already; and so many of
+those that are watched. Robots that jump have dozens of these."""
 NO_CROWDS: Mapping[str, int] = {}
 MOST_OF_CROWD = 3
 """Pairs of one robot with those of one crowd."""
@@ -86,7 +86,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(18, 600, 24, 2000, 9), Budget(10, 100, 6, 250, 5)
+BOXES, PAIRS = Budget(16, 900, 24, 2000, 9), Budget(10, 100, 6, 150, 4)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
