@@ -1,11 +1,13 @@
 """The path of a robot along its order, with the speed that the order and the robot allow.
 
-The robot drives from where it is along the remaining edges. It turns on the spot at corners and as nodes say, and stops
-at the first node with an action during which it does not drive: how long that takes, nobody says. It goes on into the
-unreleased horizon if its bases are usually extended before it reaches their ends.
+The robot drives from where it is along the remaining edges, by its own plan where that leads to their nodes. It turns
+on the spot at corners and as nodes say, and stops at the first node with an action during which it does not drive: how
+long that takes, nobody says. It goes on into the unreleased horizon if its bases are usually extended before it reaches
+their ends. Where the robot has sent a path with times of its own, the order goes on from its end.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import atan2, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
@@ -22,14 +24,14 @@ from ingest.frames.assumed_motion import (
     turn_in_parts,
 )
 from ingest.frames.way_pieces import nearest_piece
-from ingest.languages.model import NO_PATH, Path, Row
+from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
-from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, curve_of, is_needless, sampled
+from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_of, is_needless
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
-from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, StateMessage
+from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, Position, StateMessage, Velocity2d
 
 LONGEST_S = 40.0
 MOST_ROWS = 150
@@ -38,8 +40,10 @@ AT_NODE_M = 0.1
 """A robot that stands is at a node that is nearer than this."""
 TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
-ON_CURVE_M = 2.0
-"""A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
+ALONG_RAD = pi / 3
+"""A robot drives along a piece of its way if its direction differs by no more than this."""
+PASSED_BY = 5
+"""A plan may pass so many nodes at a distance before one to which it leads."""
 DONE = frozenset(("FINISHED", "FAILED"))
 NO_EDGE = OrderEdge(None, None, None, False, None)
 
@@ -58,6 +62,7 @@ class OrderedDrive(msgspec.Struct, frozen=True, gc=False):
     """Where a robot will drive by its order."""
 
     path: Path
+    """After the robot's own path, if it sent one. `NO_PATH` if the order does not say how that goes on."""
     destinations: Path
 
 
@@ -66,14 +71,16 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
-    legs = _legs_ahead(memory, state, findings)
-    if not any(leg.place for leg in legs):
-        legs = _planned_leg(pose) or legs
+    walk, legs = _Walk(memory, pose), _legs_ahead(memory, state, findings)
+    if walk.plan and not any(leg.place for leg in legs):
+        legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
+    row = walk.leg_on(legs, state.position)
+    legs = legs[row or 0 :]
     if not legs:
         return NO_DRIVE
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
     goes_on = memory.bases.are_extended(has_horizon=not legs[-1].is_released)
-    walk, ends_in_stop = _Walk(memory, pose), not goes_on
+    ends_in_stop = not goes_on
     base_end, base_legs = walk.end, 0
     for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
@@ -83,6 +90,8 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
         if leg.place is None or walk.is_long:
             ends_in_stop = False
             break
+        if walk.passes_by(leg.place, legs[count : count + PASSED_BY]):
+            continue
         walk.along(leg.edge, leg.place)
         if leg.is_released:
             base_end, base_legs = walk.end, count
@@ -90,7 +99,17 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
             ends_in_stop = True
             break
     path = _path(walk.rows[1:], walk.datums[1:], walk.most[1:], ends_in_stop=ends_in_stop)
+    if pose.path is not NO_PATH:
+        path = _joined(walk.own, path) if row is not None else NO_PATH
     return OrderedDrive(path, walk.destinations(legs, base_end, base_legs))
+
+
+def _joined(own: Path, further: Path) -> Path:
+    """A path with times of the robot's own, and how it goes on. `NO_PATH` if it does not."""
+    if NO_PATH in (own, further):
+        return NO_PATH
+    ends_s = own.ends_s[0], further.ends_s[1]
+    return Path(own.poses + further.poses, own.datums + further.datums, True, ends_s, (), further.ends_in_stop)
 
 
 def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, ends_in_stop: bool = True) -> Path:
@@ -98,14 +117,6 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
         return NO_PATH
     ends_s = rows[0][0], rows[-1][0]
     return Path(tuple(rows), tuple(datums), True, ends_s, tuple(most), ends_in_stop)
-
-
-def _planned_leg(pose: VdaPose) -> list[OrderLeg]:
-    """The way that a robot plans, as one leg. Empty if it plans none, or one that is far from it."""
-    points = sampled(pose.plan) if pose.plan else ()
-    if not _curve_ahead(points, (0.0, pose.position.x, pose.position.y, 0.0)):
-        return []
-    return [OrderLeg(True, NodePlace(*points[-1]), (), msgspec.structs.replace(NO_EDGE, curve=pose.plan))]
 
 
 def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
@@ -160,19 +171,28 @@ def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> No
 
 
 class _Walk:
-    """The needed rows of a path while it grows leg by leg. The first row is the pose of the robot."""
+    """The needed rows of a path while it grows leg by leg. The first is the robot's pose or the end of its own path."""
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
         yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
-        self.rows: list[Row] = [(pose.stamp.t_s, position.x, position.y, yaw_rad)]
+        self.own = pose.path if pose.path.in_order and pose.path.ends_s[1] > pose.stamp.t_s else NO_PATH
+        """The robot's own path, if its times are in order and reach beyond the pose."""
+        before = ((pose.stamp.t_s, position.x, position.y, yaw_rad), *self.own.poses)
+        self._way_rad, self._own_mps = _motion(before, pose.velocity)
+        """The direction in which the robot drives there, nan if unknown; its speed by its own path, 0 without one."""
+        self.rows: list[Row] = [(*before[-1][:3], self._way_rad if isnan(before[-1][3]) else before[-1][3])]
         self.datums = [(position.map_id or "").strip().lower()]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
-        velocity = pose.velocity
-        self._speed_mps = speed_mps(velocity)
-        self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
+        self._speed_mps = speed_mps(pose.velocity)
+        self._is_backwards = bool(pose.velocity and (pose.velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
+        ahead = curve_ahead(pose.plan, self.rows[0][1:3])
+        self.plan: Polyline = (self.rows[0][1:3], *ahead) if ahead else ()
+        """The way that the robot plans, from the last row on."""
+        self._is_of_order = not memory.is_order_newer
+        """Whether that can be for the newest order."""
 
     @property
     def end(self) -> tuple[Row, str]:
@@ -182,16 +202,61 @@ class _Walk:
     def is_long(self) -> bool:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
+    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None) -> int | None:
+        """The row of the leg on which the robot is, which was at `start` when they remained. None if it is on none.
+
+        With a plan it is the first: `passes_by` leaves out what is passed.
+        """
+        _, x, y, _ = self.rows[0]
+        at = (start.x, start.y) if start else (x, y)
+        if self.plan or at == (x, y):
+            return 0
+        found, nearest_m = None, BESIDE_M
+        for row, leg in enumerate(legs[:MOST_ROWS]):
+            if leg.place is None:
+                break
+            way = (at, *curve_ahead(leg.edge.curve, at), (leg.place.x, leg.place.y))
+            near = nearest_piece(way, x, y)
+            is_on = near.away_m <= nearest_m and self._drives_along(way[near.end - 1], way[near.end])
+            if is_on:
+                found, nearest_m = row, near.away_m
+            elif found is not None:
+                break
+            at = way[-1]
+        return found
+
+    def _drives_along(self, start: Point, end: Point) -> bool:
+        off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
+        return start != end and not abs(off_rad) > ALONG_RAD
+
+    def passes_by(self, place: NodePlace, following: Sequence[OrderLeg]) -> bool:
+        """Whether the plan leads past a node to one of those that follow it."""
+        places = [leg.place for leg in following if leg.place]
+        return bool(self.plan) and not self._is_planned(place) and any(map(self._is_planned, places))
+
+    def _is_planned(self, place: NodePlace) -> bool:
+        return nearest_piece(self.plan, place.x, place.y).away_m <= BESIDE_M
+
     def along(self, edge: OrderEdge, place: NodePlace) -> None:
         """Drive along an edge to its node, and turn there as the node says."""
         datum = (place.map_id or self.datums[-1]).strip().lower()
-        if edge.curve:
-            for x, y in _curve_ahead(sampled(edge.curve), self.rows[-1]):
-                self._turn_and_drive(x, y, edge, datum)
-        self._turn_and_drive(place.x, place.y, edge, datum)
+        way, end = self._way_to(edge, place)
+        for x, y in (*way, end):
+            self._turn_and_drive(x, y, edge, datum)
         if place.theta is not None:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
         self._is_backwards = False  # an order says for each further edge if it is driven backwards
+
+    def _way_to(self, edge: OrderEdge, place: NodePlace) -> tuple[Polyline, Point]:
+        """The points on the way to a node, and where the robot is when it is there."""
+        if self.plan and self._is_planned(place):
+            near = nearest_piece(self.plan, place.x, place.y)
+            way, self.plan = self.plan[1 : near.end], (near.point, *self.plan[near.end :])
+            return way, near.point
+        planned, self.plan = self.plan[1:], ()
+        if planned and self._is_of_order:
+            return planned, (place.x, place.y)
+        return curve_ahead(edge.curve, self.rows[-1][1:3]), (place.x, place.y)
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
         """The ends of base and horizon, for a robot that has driven the first legs where the base ends."""
@@ -266,11 +331,18 @@ class _Walk:
 
     def _assumed_mps(self, most_mps: float) -> float:
         """A speed for times that nobody has observed yet."""
+        if self._own_mps:
+            return min(most_mps, self._own_mps)
         return most_mps if isfinite(most_mps) else max(self._speed_mps, ASSUMED_MPS)
 
 
-def _curve_ahead(curve: Polyline, here: Row) -> Polyline:
-    """The points of a curve that are ahead of a robot. Empty if the robot is far from it."""
-    _, x, y, _ = here
-    nearest_m, ahead = nearest_piece(curve, x, y)
-    return curve[ahead:] if nearest_m <= ON_CURVE_M else ()
+def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:
+    """The direction in which a robot drives at the last of its rows, and how fast it is where it drives along them."""
+    moves = [(b[1] - a[1], b[2] - a[2], b[0] - a[0]) for a, b in pairwise(rows)]
+    drives = [(dx, dy, lasts_s) for dx, dy, lasts_s in moves if hypot(dx, dy) > DRIVES_MPS * lasts_s > 0.0]
+    if drives:
+        length_m, (dx, dy, _) = sum(hypot(dx, dy) for dx, dy, _ in drives), drives[-1]
+        return atan2(dy, dx), length_m / sum(lasts_s for _, _, lasts_s in drives)
+    if velocity and speed_mps(velocity) > DRIVES_MPS:
+        return rows[-1][3] + atan2(velocity.vy or 0.0, velocity.vx or 0.0), 0.0
+    return rows[-1][3], 0.0

@@ -7,12 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ingest.frames.way_pieces import nearest_piece
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.vda_messages import Trajectory
 
 MOST_DEGREE, MOST_CONTROL_POINTS = 10, 500
 SPACING_M = 0.3
 """Distance of two points of a polyline, roughly."""
+ON_CURVE_M = 2.0
+"""A robot this near to a curve drives on along it."""
 BEND_RAD = 0.1
 """Where a line bends by more than this, a point of it is kept however near the next is."""
 LEAST_POINTS, MOST_POINTS = 9, 65
@@ -91,6 +94,13 @@ def _knots(sent: list[float], points: int, degree: int, findings: Findings) -> t
 def sampled(curve: Curve) -> Polyline:
     """Points along a curve, from its first control point to its last."""
     return _corners(curve) if curve.degree == 1 else _points_along(curve)
+
+
+def curve_ahead(curve: Curve | None, here: Point) -> Polyline:
+    """The points of a curve that are ahead of a robot. Empty without a curve, or if the robot is far from it."""
+    points = sampled(curve) if curve else ()
+    near = nearest_piece(points, *here)
+    return points[near.end :] if near.away_m <= ON_CURVE_M else ()
 
 
 def _corners(curve: Curve) -> Polyline:

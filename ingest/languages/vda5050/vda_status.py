@@ -61,9 +61,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     position, stamp = pose.position, pose.stamp
     operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
-    path, basis = pose.path, Basis.PATH
-    if path is NO_PATH:
-        path, basis = driven.path, Basis.ORDER
+    basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
+    path = pose.path if driven.path is NO_PATH else driven.path
     planned = _planned_end(pose.plan, stamp.t_s)
     return Status(
         uuid,

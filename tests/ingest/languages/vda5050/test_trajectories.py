@@ -1,11 +1,13 @@
 from itertools import pairwise
 from math import cos, hypot, sin, sqrt
+from typing import Any
 
 import pytest
 
 from ingest.batch import Basis
 from ingest.languages.model import NO_PATH
 from ingest.languages.rules import Findings
+from ingest.languages.timestamps import write
 from ingest.languages.vda5050 import trajectories
 from ingest.languages.vda5050.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
@@ -124,16 +126,63 @@ def test_a_curve_of_a_state_is_followed_where_the_order_has_none() -> None:
     assert Listener().status_after(limited, report).path.most[0] == 0.5
 
 
-def test_a_planned_path_is_the_way_where_no_node_has_a_place() -> None:
+def test_a_planned_path_is_the_way_to_the_nodes() -> None:
     plan = {"trajectory": ARC}
     report = under_way(T, 0.0, 0.0, CORNERS[1:], plannedPath=plan)
     ahead = on_arc(("state", report))
     assert on_arc(("state", state(T, driving=True, plannedPath=plan))) == ahead
     assert Listener().status_after(("state", report)).path_basis is Basis.ORDER
-    straight = Listener().status_after(("order", order(T, CORNERS)), ("state", report))
-    assert len(straight.path.poses) < len(ahead)
+    assert on_arc(("order", order(T, CORNERS)), ("state", report)) == ahead
     far = Listener().status_after(("state", state(T, 0.0, 9.0, driving=True, plannedPath=plan)))
     assert (far.path, far.destinations.poses[0][1:3]) == (NO_PATH, (4.0, 4.0))
+
+
+AROUND = {"trajectory": {"controlPoints": [{"x": x, "y": y} for x, y in ((0, 0), (0, 6), (8, 6), (8, 0))]}}
+
+
+def planned(nodes: list[dict[str, Any]], *further: tuple[str, bytes], **keys: Any) -> list[tuple[float, float]]:
+    """The places to which a robot drives that is at 0, 0 and plans to drive `AROUND`."""
+    report = ("state", under_way(T, 0.0, 0.0, nodes[1:], plannedPath=AROUND, **keys))
+    status = Listener().status_after(("order", order(T - 1, nodes)), report, *further)
+    places = dict.fromkeys((round(x, 6), round(y, 6)) for _, x, y, _ in status.path.poses)
+    return [place for place in places if place != (0.0, 0.0)]
+
+
+def test_a_planned_path_leads_past_nodes_and_ends_at_a_stop() -> None:
+    goal = node(3, 8.0, 0.2)
+    assert planned([node(0, 0.0), goal]) == [(0.0, 6.0), (8.0, 6.0), (8.0, 0.2)]
+    lift = {"actions": [{"actionId": "a", "actionType": "pick", "blockingType": "HARD"}]}
+    assert planned([node(0, 0.0), node(1, 4.0, 6.5, **lift), goal]) == [(0.0, 6.0), (4.0, 6.0)]
+    assert planned([node(0, 0.0), node(1, 4.0, 3.0), goal]) == [(0.0, 6.0), (8.0, 6.0), (8.0, 0.2)]
+    assert planned([node(0, 0.0), node(1, 8.0, 0.0), node(2, 20.0)])[-2:] == [(8.0, 0.0), (20.0, 0.0)]
+
+
+def test_a_plan_that_is_older_than_the_order_is_followed_only_to_nodes_of_the_order() -> None:
+    newer = order(T + 1, [node(0, 0.0), node(1, 9.0, -9.0)], orderUpdateId=1)
+    assert planned([node(0, 0.0), node(1, 8.0)], ("order", newer)) == [(9.0, -9.0)]
+    same_way = order(T + 1, [node(0, 0.0), node(1, 8.0, 6.0)], orderUpdateId=1)
+    assert planned([node(0, 0.0), node(1, 8.0)], ("order", same_way)) == [(0.0, 6.0), (8.0, 6.0)]
+
+
+@pytest.mark.parametrize("plan", [AROUND, None])
+def test_the_order_goes_on_where_a_path_with_times_ends(plan: dict[str, Any] | None) -> None:
+    nodes = [node(0, 0.0), node(1, 0.0, 6.0), node(2, 8.0, 6.0)]
+    polyline = [{"x": 0.0, "y": each / 2, "eta": write(T + each)} for each in range(1, 4)]
+    report = under_way(T, 0.0, 0.0, nodes[1:], intermediatePath={"polyline": polyline}, plannedPath=plan)
+    ordered = ("order", order(T - 1, nodes, [edge(0, maxSpeed=2.0), edge(1)]))
+    status = Listener().status_after(ordered, ("state", report))
+    rows = [(round(t_s - T, 3), x, y) for t_s, x, y, _ in status.path.poses]
+    assert rows[:4] == [(1.0, 0.0, 0.5), (2.0, 0.0, 1.0), (3.0, 0.0, 1.5), (12.0, 0.0, 6.0)]
+    assert rows[-1][1:] == (8.0, 6.0)
+    assert (status.path_basis, status.path.most, status.path.ends_in_stop) == (Basis.PATH, (), True)
+
+
+def test_a_path_with_times_that_leads_elsewhere_than_the_order_stays_as_it_is() -> None:
+    nodes = [node(0, 0.0), node(1, 0.0, 6.0), node(2, 8.0, 6.0)]
+    polyline = [{"x": float(each), "y": -3.0, "eta": write(T + each)} for each in range(1, 4)]
+    report = under_way(T, 0.0, 0.0, nodes[1:], intermediatePath={"polyline": polyline})
+    status = Listener().status_after(("order", order(T - 1, nodes)), ("state", report))
+    assert len(status.path.poses) == 3
 
 
 def test_the_last_curve_of_a_long_order_is_followed() -> None:
