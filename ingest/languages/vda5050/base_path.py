@@ -29,7 +29,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
-from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_of, is_needless
+from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_to, is_needless
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, Position, StateMessage, Velocity2d
 
@@ -126,9 +126,11 @@ def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
-    """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
+    """The legs that remain, in their order. The state says which, unless the order is newer or it has no nodes."""
     order = order_by(memory, state)
-    if order and memory.is_order_newer and order is memory.orders[-1]:
+    is_newer = memory.is_order_newer and order is memory.orders[-1]
+    is_left_out = state.node_states is None and state.driving
+    if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
     if state.node_states and order is None:
@@ -154,7 +156,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         first = -1 if before is None else before
         between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
-            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_of(curves[between], findings))
+            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_to(place, curves[between], findings))
         yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
@@ -163,7 +165,7 @@ def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> No
     place, known = on_earth(node.node_position), ordered.place if ordered else None
     if place is None or known is None:
         return place or known
-    if place.map_id or place.x or place.y or place.theta:
+    if place.x or place.y or place.theta:
         return place
     if known.x or known.y:
         findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")

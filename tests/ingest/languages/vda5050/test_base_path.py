@@ -303,7 +303,7 @@ def test_nodes_that_are_passed_but_still_named_do_not_send_the_robot_back() -> N
     ("place", "y_m", "findings"),
     [
         ({"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": ""}, 3.0, ("node-place-zero",)),
-        ({"x": 0.0, "y": 0.0, "mapId": "hall"}, 0.0, ()),
+        ({"x": 0.0, "y": 0.0, "mapId": "hall"}, 3.0, ("node-place-zero",)),
         ({"x": 0.0, "y": 5.0}, 5.0, ()),
     ],
 )

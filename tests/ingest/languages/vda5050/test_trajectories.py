@@ -110,7 +110,7 @@ CORNERS = [node(0, 0.0), node(1, 4.0, 4.0)]
 
 def on_arc(*messages: tuple[str, bytes]) -> list[tuple[float, float]]:
     """The points of the path of the last status, which must go along `ARC`."""
-    ahead = [row[1:3] for row in Listener().status_after(*messages).path.poses]
+    ahead = [(round(x, 9), round(y, 9)) for _, x, y, _ in Listener().status_after(*messages).path.poses]
     assert len(ahead) > 5
     assert max(x - y for x, y in ahead) == pytest.approx(2.0, abs=0.1)
     assert ahead[-1] == (4.0, 4.0)
@@ -135,6 +135,18 @@ def test_a_planned_path_is_the_way_to_the_nodes() -> None:
     assert on_arc(("order", order(T, CORNERS)), ("state", report)) == ahead
     far = Listener().status_after(("state", state(T, 0.0, 9.0, driving=True, plannedPath=plan)))
     assert (far.path, far.destinations.poses[0][1:3]) == (NO_PATH, (4.0, 4.0))
+
+
+def test_a_curve_that_leads_from_its_end_to_its_start_is_turned_round() -> None:
+    knots = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
+    back = {"degree": 2, "knotVector": knots, "controlPoints": ARC["controlPoints"][::-1]}
+    ordered, report = order(T, CORNERS, [edge(0, trajectory=back)]), ("state", under_way(T, 0.0, 0.0, CORNERS[1:]))
+    usual = on_arc(("order", order(T, CORNERS, [edge(0, trajectory=ARC)])), report)
+    assert on_arc(("order", ordered), report) == usual
+    assert Listener().hears("order", ordered).findings == ("trajectory-odd",)
+    states = [{"edgeId": "e0", "sequenceId": 1, "released": True, "trajectory": back}]
+    acknowledged = ("state", under_way(T, 0.0, 0.0, CORNERS[1:], edgeStates=states))
+    assert on_arc(("order", order(T, CORNERS)), acknowledged) == usual
 
 
 AROUND = {"trajectory": {"controlPoints": [{"x": x, "y": y} for x, y in ((0, 0), (0, 6), (8, 6), (8, 0))]}}
