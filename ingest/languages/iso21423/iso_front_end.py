@@ -26,6 +26,7 @@ from ingest.languages.iso21423.iso_messages import (
     IsoDetails,
     IsoMessage,
     OdometryMessage,
+    OdometryPose,
     PlanMessage,
     StatusMessage,
     TrajectoryMessage,
@@ -38,6 +39,8 @@ from ingest.languages.model import (
     MAX_TEXT,
     Identity,
     Message,
+    datum_name,
+    only_datum,
     update_of,
 )
 from ingest.languages.outlines import Outline, outline_of
@@ -124,9 +127,19 @@ def _read_odometry(
     if pose is None or abs(pose.location_point.x) > MAX_POSITION or abs(pose.location_point.y) > MAX_POSITION:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
     stamp = stamp if stamp.is_known else timestamps.Stamp(memory.path_stamp_s, inf)
-    memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
+    memory = replace(memory, pose=IsoPose(stamp, _on_known_map(pose, memory, findings), message.velocity))
     status = status_of(uuid, memory, findings)
     return status or update_of(uuid, findings), memory
+
+
+def _on_known_map(pose: OdometryPose, memory: IsoMemory, findings: Findings) -> OdometryPose:
+    """The pose. One that names no coordinate system is in the one of the robot's paths, or else in its last one."""
+    at, last = pose.location_point, memory.pose.pose.location_point.ccs_id if memory.pose else None
+    known = only_datum((*memory.path.datums, *memory.plan.datums)) or last
+    if datum_name(at.ccs_id) or not known:
+        return pose
+    findings.note("map-missing", "pose.locationPoint.ccsId", at.ccs_id, known)
+    return replace(pose, location_point=replace(at, ccs_id=known))
 
 
 def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:

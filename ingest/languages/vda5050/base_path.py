@@ -24,7 +24,7 @@ from ingest.frames.assumed_motion import (
     turn_in_parts,
 )
 from ingest.frames.way_pieces import nearest_piece
-from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row
+from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
@@ -184,7 +184,7 @@ class _Walk:
         self._way_rad, self._own_mps = _motion(before, pose.velocity)
         """The direction in which the robot drives there, nan if unknown; its speed by its own path, 0 without one."""
         self.rows: list[Row] = [(*before[-1][:3], self._way_rad if isnan(before[-1][3]) else before[-1][3])]
-        self.datums = [(position.map_id or "").strip().lower()]
+        self.datums = [datum_name(position.map_id)]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         self._speed_mps = speed_mps(pose.velocity)
@@ -241,7 +241,7 @@ class _Walk:
 
     def along(self, edge: OrderEdge, place: NodePlace) -> None:
         """Drive along an edge to its node, and turn there as the node says."""
-        datum = (place.map_id or self.datums[-1]).strip().lower()
+        datum = datum_name(place.map_id or self.datums[-1])
         way, end = self._way_to(edge, place)
         for x, y in (*way, end):
             self._turn_and_drive(x, y, edge, datum)
@@ -270,7 +270,7 @@ class _Walk:
             place = legs[row].place
             if place and row >= driven:
                 t_s += hypot(place.x - x, place.y - y) / self._assumed_mps(self._most_mps(legs[row].edge))
-                x, y, datum = place.x, place.y, (place.map_id or datum).strip().lower()
+                x, y, datum = place.x, place.y, datum_name(place.map_id or datum)
             if row in {last_released, last}:
                 t_s += LEAST_STEP_S
                 rows.append((t_s, x, y, nan))

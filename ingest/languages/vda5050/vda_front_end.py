@@ -15,12 +15,13 @@ import msgspec
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import Topic, TopicFrontEnd, TopicSender
-from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, update_of
+from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, datum_name, only_datum, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import Heard, heard_after
 from ingest.languages.tolerance.tolerant_json import stamp_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
+from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -28,6 +29,7 @@ from ingest.languages.vda5050.vda_messages import (
     ConnectionMessage,
     FactsheetMessage,
     Header,
+    NodePlace,
     OrderMessage,
     Position,
     StateMessage,
@@ -153,23 +155,30 @@ def _read_motion(
         signed_off = memory.heard.get("connection")
         if not (signed_off and stamp.t_s <= signed_off.stamp_s):
             changes |= {"connection": "ONLINE"}
-        if not isinstance(message, StateMessage):
-            position = _on_last_map(position, memory, findings)
-        path, plan = newest_plans(changes["plans"], topic.kind, stamp.t_s, position)
-        pose = VdaPose(own_stamp, position, message.velocity, path, plan)
-        memory = msgspec.structs.replace(memory, pose=pose, **changes)
+        memory = msgspec.structs.replace(memory, **changes)
+        position = _on_known_map(position, message, memory, findings)
+        path, plan = newest_plans(memory.plans, topic.kind, stamp.t_s, position)
+        memory = msgspec.structs.replace(memory, pose=VdaPose(own_stamp, position, message.velocity, path, plan))
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
 
 
-def _on_last_map(position: Position, memory: VdaMemory, findings: Findings) -> Position:
-    """The position of a visualization. One that names no map is on the robot's last one."""
-    last = memory.pose.position.map_id if memory.pose else None
-    if position.map_id or not last:
+def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:
+    """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one."""
+    if datum_name(position.map_id):
         return position
-    findings.note("map-missing", f"{position.key}.mapId", position.map_id, "the last one")
-    return msgspec.structs.replace(position, map_id=last)
+    places: list[NodePlace | None] = []
+    if isinstance(message, StateMessage):
+        order = order_by(memory, message)
+        places += [node.node_position for node in message.node_states or ()]
+        places += [node.place for node in order.nodes.values()] if order else []
+    last = memory.pose.position.map_id if memory.pose else None
+    known = only_datum(datum_name(place.map_id) for place in places if place) or last
+    if not known:
+        return position
+    findings.note("map-missing", f"{position.key}.mapId", position.map_id, known)
+    return msgspec.structs.replace(position, map_id=known)
 
 
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:

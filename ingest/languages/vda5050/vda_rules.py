@@ -65,7 +65,7 @@ _STATE = (
 )
 _WHERE = (
     Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
-    Rule("map-missing", "A position without mapId; a visualization is on the last map, a state on none.", "state"),
+    Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
     Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
     in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
     in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),

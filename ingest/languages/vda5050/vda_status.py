@@ -17,6 +17,7 @@ from ingest.languages.model import (
     Status,
     beyond_turn,
     bounded_codes,
+    datum_name,
     goes_on_beside,
 )
 from ingest.languages.rules import Findings
@@ -97,7 +98,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
         findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
-    return (position.map_id or "").strip().lower()
+    return datum_name(position.map_id)
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:

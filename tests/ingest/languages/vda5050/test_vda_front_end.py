@@ -275,4 +275,16 @@ def test_a_visualization_without_a_map_is_on_the_last_one() -> None:
     assert Listener().status_after(("visualization", nameless)).datum == ""
     read = Listener().status_after(("state", state(T)), ("visualization", nameless))
     assert (read.x, read.datum, read.findings) == (1.0, "hall", ("map-missing",))
-    assert read.oddities[0].reading == "the last one"
+    assert read.oddities[0].reading == "hall"
+
+
+@pytest.mark.parametrize(("other_map", "datum"), [("hall", "hall"), ("attic", "")])
+def test_a_state_without_a_map_is_on_that_of_its_nodes_and_then_on_the_last_one(other_map: str, datum: str) -> None:
+    place = {"x": 4.0, "y": 0.0, "mapId": other_map}
+    nodes = [node(0, 0.0), node(1, None, nodePosition=place)]
+    nameless = {"agvPosition": position(1.0, mapId=None)}
+    listener = Listener()
+    listener.hears("order", order(T, nodes))
+    driving = listener.status_after(("state", under_way(T + 1, 1.0, 0.0, nodes[1:], **nameless)))
+    assert (driving.datum, driving.findings[0]) == (datum, "map-missing")
+    assert listener.status_after(("state", state(T + 2, orderId="", **nameless))).datum == datum
