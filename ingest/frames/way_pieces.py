@@ -16,8 +16,11 @@ class Nearest(NamedTuple):
     point: tuple[float, float]
 
 
-def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float) -> Nearest:
-    """Where a way is nearest to a place. `way` are the x and y of its points, in metres."""
+def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float, first_within_m: float = -inf) -> Nearest:
+    """Where a way is nearest to a place, or the first part of it that comes within a distance.
+
+    `way` are the x and y of its points, in metres.
+    """
     nearest = Nearest(inf, 0, (nan, nan))
     for row, ((ax, ay), (bx, by)) in enumerate(pairwise(way), 1):
         dx, dy = bx - ax, by - ay
@@ -27,4 +30,6 @@ def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float) ->
         away_m = hypot(point[0] - x_m, point[1] - y_m)
         if away_m < nearest.away_m:
             nearest = Nearest(away_m, row, point)
+        elif nearest.away_m <= first_within_m < away_m:
+            break
     return nearest

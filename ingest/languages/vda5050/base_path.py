@@ -23,7 +23,7 @@ from ingest.frames.assumed_motion import (
     SPOT_M,
     turn_in_parts,
 )
-from ingest.frames.way_pieces import nearest_piece
+from ingest.frames.way_pieces import Nearest, nearest_piece
 from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
@@ -90,9 +90,8 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
         if leg.place is None or walk.is_long:
             ends_in_stop = False
             break
-        if walk.passes_by(leg.place, legs[count : count + PASSED_BY]):
+        if not walk.goes_along(leg.edge, leg.place, legs[count : count + PASSED_BY]):
             continue
-        walk.along(leg.edge, leg.place)
         if leg.is_released:
             base_end, base_legs = walk.end, count
         if leg.stops and not done.issuperset(leg.stops):
@@ -207,7 +206,7 @@ class _Walk:
     def leg_on(self, legs: Sequence[OrderLeg], start: Position | None) -> int | None:
         """The row of the leg on which the robot is, which was at `start` when they remained. None if it is on none.
 
-        With a plan it is the first: `passes_by` leaves out what is passed.
+        With a plan it is the first: `goes_along` leaves out what is passed.
         """
         _, x, y, _ = self.rows[0]
         at = (start.x, start.y) if start else (x, y)
@@ -231,34 +230,30 @@ class _Walk:
         off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
         return start != end and not abs(off_rad) > ALONG_RAD
 
-    def passes_by(self, place: NodePlace, following: Sequence[OrderLeg]) -> bool:
-        """Whether the plan leads past a node to one of those that follow it."""
-        places = [leg.place for leg in following if leg.place]
-        return bool(self.plan) and not self._is_planned(place) and any(map(self._is_planned, places))
+    def goes_along(self, edge: OrderEdge, place: NodePlace, following: Sequence[OrderLeg]) -> bool:
+        """Drive along an edge to its node, and turn there as the node says. False if the plan leads past it.
 
-    def _is_planned(self, place: NodePlace) -> bool:
-        return nearest_piece(self.plan, place.x, place.y).away_m <= BESIDE_M
-
-    def along(self, edge: OrderEdge, place: NodePlace) -> None:
-        """Drive along an edge to its node, and turn there as the node says."""
-        datum = datum_name(place.map_id or self.datums[-1])
-        way, end = self._way_to(edge, place)
+        It does if it leads to one of the legs that follow instead.
+        """
+        end, datum = (place.x, place.y), datum_name(place.map_id or self.datums[-1])
+        if self.plan and (near := self._planned(place)):
+            way, end, self.plan = self.plan[1 : near.end], near.point, (near.point, *self.plan[near.end :])
+        elif self.plan and any(self._planned(each.place) for each in following if each.place):
+            return False
+        else:
+            way, self.plan = self.plan[1:] if self._is_of_order else (), ()
+            way = way or curve_ahead(edge.curve, self.rows[-1][1:3])
         for x, y in (*way, end):
             self._turn_and_drive(x, y, edge, datum)
         if place.theta is not None:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
         self._is_backwards = False  # an order says for each further edge if it is driven backwards
+        return True
 
-    def _way_to(self, edge: OrderEdge, place: NodePlace) -> tuple[Polyline, Point]:
-        """The points on the way to a node, and where the robot is when it is there."""
-        if self.plan and self._is_planned(place):
-            near = nearest_piece(self.plan, place.x, place.y)
-            way, self.plan = self.plan[1 : near.end], (near.point, *self.plan[near.end :])
-            return way, near.point
-        planned, self.plan = self.plan[1:], ()
-        if planned and self._is_of_order:
-            return planned, (place.x, place.y)
-        return curve_ahead(edge.curve, self.rows[-1][1:3]), (place.x, place.y)
+    def _planned(self, place: NodePlace) -> Nearest | None:
+        """Where the plan comes to a node for the first time. None if it does not."""
+        near = nearest_piece(self.plan, place.x, place.y, BESIDE_M)
+        return near if near.away_m <= BESIDE_M else None
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
         """The ends of base and horizon, for a robot that has driven the first legs where the base ends."""
