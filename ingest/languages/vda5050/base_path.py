@@ -247,7 +247,6 @@ class _Walk:
             self._turn_and_drive(x, y, edge, datum)
         if place.theta is not None:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
-        self._is_backwards = False  # an order says for each further edge if it is driven backwards
         return True
 
     def _planned(self, place: NodePlace) -> Nearest | None:
@@ -319,7 +318,9 @@ class _Walk:
         if orientation_rad is None:
             if self._abilities.is_omnidirectional and not isnan(before_rad):
                 return before_rad
-            return remainder(direction_rad + pi, 2 * pi) if self._is_backwards else direction_rad
+            backwards_rad = remainder(direction_rad + pi, 2 * pi)
+            is_turned = abs(turn_between(before_rad, backwards_rad)) >= pi / 2 and len(self.rows) > 1
+            return backwards_rad if self._is_backwards and not is_turned else direction_rad
         return remainder(orientation_rad if edge.is_global else direction_rad + orientation_rad, 2 * pi)
 
     def _most_mps(self, edge: OrderEdge) -> float:

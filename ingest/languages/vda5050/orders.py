@@ -96,8 +96,12 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
     order_nodes = {number: _node(node) for number, node in numbered}
     order_edges, curve_points = {}, 0
     for number, edge in edges_by_end(numbered, edges, of_edges).items():
-        order_edges[number] = read = _edge(edge, order_nodes[number].place, curve_points < MOST_CURVE_POINTS, findings)
-        curve_points += len(read.curve.points) if read.curve else 0
+        ordered = order_nodes[number]
+        order_edges[number] = read = _edge(edge, ordered.place, curve_points < MOST_CURVE_POINTS, findings)
+        if read.curve:
+            curve_points += len(read.curve.points)
+            place = ordered.place or NodePlace(*read.curve.points[-1][:2])
+            order_nodes[number] = msgspec.structs.replace(ordered, place=place)
     return Order(plain_id(message.order_id or ""), message.order_update_id, order_nodes, order_edges)
 
 

@@ -165,8 +165,11 @@ def _read_motion(
 
 
 def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:
-    """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one."""
-    if datum_name(position.map_id):
+    """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one.
+
+    Programs that do not know yet where the robot is send zeros without a map.
+    """
+    if datum_name(position.map_id) or position.is_lost:
         return position
     places: list[NodePlace | None] = []
     if isinstance(message, StateMessage):

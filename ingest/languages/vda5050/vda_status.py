@@ -85,7 +85,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         tuple(findings),
         path_basis=basis,
         is_blocked=_is_blocked(state, speed_mps(pose.velocity)),
-        is_lost=_is_lost(position),
+        is_lost=position.is_lost,
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
@@ -174,10 +174,6 @@ def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
     return (is_hindered or is_faulty) and not state.driving
-
-
-def _is_lost(position: Position) -> bool:
-    return (position.localized if position.localized is not None else position.position_initialized) is False
 
 
 def _amounts(state: StateMessage, findings: Findings) -> Amounts:

@@ -149,6 +149,14 @@ def test_a_curve_that_leads_from_its_end_to_its_start_is_turned_round() -> None:
     assert on_arc(("order", order(T, CORNERS)), acknowledged) == usual
 
 
+def test_a_node_without_a_place_is_where_the_curve_to_it_ends() -> None:
+    line = {"controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0}]}
+    nodes = [node(0, 0.0), node(1, None)]
+    ordered = ("order", order(T, nodes, [edge(0, trajectory=line)]))
+    status = Listener().status_after(ordered, ("state", under_way(T, 1.0, 0.0, nodes[1:])))
+    assert ([row[1:3] for row in status.path.poses], status.findings) == ([(4.0, 0.0)], ())
+
+
 AROUND = {"trajectory": {"controlPoints": [{"x": x, "y": y} for x, y in ((0, 0), (0, 6), (8, 6), (8, 0))]}}
 
 

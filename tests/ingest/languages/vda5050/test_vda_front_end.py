@@ -288,3 +288,5 @@ def test_a_state_without_a_map_is_on_that_of_its_nodes_and_then_on_the_last_one(
     driving = listener.status_after(("state", under_way(T + 1, 1.0, 0.0, nodes[1:], **nameless)))
     assert (driving.datum, driving.findings[0]) == (datum, "map-missing")
     assert listener.status_after(("state", state(T + 2, orderId="", **nameless))).datum == datum
+    lost = position(mapId=None, positionInitialized=False)
+    assert listener.status_after(("state", state(T + 3, agvPosition=lost))).datum == ""
