@@ -8,7 +8,7 @@ their ends. Where the robot has sent a path with times of its own, the order goe
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import atan2, hypot, inf, isfinite, isnan, nan, pi, remainder
+from math import atan2, dist, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
 import msgspec
@@ -241,7 +241,8 @@ class _Walk:
         elif self.plan and any(self._planned(each.place) for each in following if each.place):
             return False
         else:
-            way, self.plan = self.plan[1:] if self._is_of_order else (), ()
+            is_nearer = bool(self.plan) and dist(self.plan[-1], end) < dist(self.plan[0], end)
+            way, self.plan = self.plan[1:] if is_nearer and self._is_of_order else (), ()
             way = way or curve_ahead(edge.curve, self.rows[-1][1:3])
         for x, y in (*way, end):
             self._turn_and_drive(x, y, edge, datum)

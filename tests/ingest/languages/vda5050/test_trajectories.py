@@ -177,6 +177,11 @@ def test_a_planned_path_leads_past_nodes_and_ends_at_a_stop() -> None:
     assert planned([node(0, 0.0), node(1, 8.0, 0.0), node(2, 20.0)])[-2:] == [(8.0, 0.0), (20.0, 0.0)]
 
 
+def test_a_plan_that_ends_early_is_driven_to_its_end_unless_it_leads_away() -> None:
+    assert planned([node(0, 0.0), node(1, 8.0, -9.0)]) == [(0.0, 6.0), (8.0, 6.0), (8.0, 0.0), (8.0, -9.0)]
+    assert planned([node(0, 0.0), node(1, -9.0)]) == [(-9.0, 0.0)]
+
+
 def test_a_plan_that_is_older_than_the_order_is_followed_only_to_nodes_of_the_order() -> None:
     newer = order(T + 1, [node(0, 0.0), node(1, 9.0, -9.0)], orderUpdateId=1)
     assert planned([node(0, 0.0), node(1, 8.0)], ("order", newer)) == [(9.0, -9.0)]
