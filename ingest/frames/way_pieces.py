@@ -16,7 +16,7 @@ class Nearest(NamedTuple):
     point: tuple[float, float]
 
 
-def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float, first_within_m: float = -inf) -> Nearest:
+def nearest_place(way: Iterable[tuple[float, float]], x_m: float, y_m: float, first_within_m: float = -inf) -> Nearest:
     """Where a way is nearest to a place, or the first part of it that comes within a distance.
 
     `way` are the x and y of its points, in metres.
@@ -33,3 +33,9 @@ def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float, fi
         elif nearest.away_m <= first_within_m < away_m:
             break
     return nearest
+
+
+def nearest_piece(way: Iterable[tuple[float, float]], x_m: float, y_m: float) -> tuple[float, int]:
+    """How far a place is from a way, and the row of the point at the end of the nearest piece."""
+    away_m, end, _ = nearest_place(way, x_m, y_m)
+    return away_m, end

@@ -122,8 +122,8 @@ def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[li
 def _next_point(points: list[Knot], here: Sighting) -> int:
     """The row of the point that comes next on a way without usable times: the end of its nearest piece, if the robot is
     on it. Behind the last row, if it is there."""
-    near = nearest_piece([(x, y) for _, x, y, _ in points], here.x_m, here.y_m)
-    begin = near.end if near.away_m < THERE_M else 0
+    nearest_m, end = nearest_piece([(x, y) for _, x, y, _ in points], here.x_m, here.y_m)
+    begin = end if nearest_m < THERE_M else 0
     is_over = begin == len(points) - 1 and hypot(points[-1][1] - here.x_m, points[-1][2] - here.y_m) <= THERE_M
     return len(points) if is_over else begin
 

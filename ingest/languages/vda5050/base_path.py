@@ -23,7 +23,7 @@ from ingest.frames.assumed_motion import (
     SPOT_M,
     turn_in_parts,
 )
-from ingest.frames.way_pieces import Nearest, nearest_piece
+from ingest.frames.way_pieces import Nearest, nearest_place
 from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
@@ -217,7 +217,7 @@ class _Walk:
             if leg.place is None:
                 break
             way = (at, *curve_ahead(leg.edge.curve, at), (leg.place.x, leg.place.y))
-            near = nearest_piece(way, x, y)
+            near = nearest_place(way, x, y)
             is_on = near.away_m <= nearest_m and self._drives_along(way[near.end - 1], way[near.end])
             if is_on:
                 found, nearest_m = row, near.away_m
@@ -252,7 +252,7 @@ class _Walk:
 
     def _planned(self, place: NodePlace) -> Nearest | None:
         """Where the plan comes to a node for the first time. None if it does not."""
-        near = nearest_piece(self.plan, place.x, place.y, BESIDE_M)
+        near = nearest_place(self.plan, place.x, place.y, BESIDE_M)
         return near if near.away_m <= BESIDE_M else None
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:

@@ -112,8 +112,8 @@ def sampled(curve: Curve) -> Polyline:
 def curve_ahead(curve: Curve | None, here: Point) -> Polyline:
     """The points of a curve that are ahead of a robot. Empty without a curve, or if the robot is far from it."""
     points = sampled(curve) if curve else ()
-    near = nearest_piece(points, *here)
-    return points[near.end :] if near.away_m <= ON_CURVE_M else ()
+    nearest_m, ahead = nearest_piece(points, *here)
+    return points[ahead:] if nearest_m <= ON_CURVE_M else ()
 
 
 def _corners(curve: Curve) -> Polyline:
