@@ -8,9 +8,10 @@ import msgspec
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import NO_STAMP, Stamp
 
-STEPPED_BACK, RESTARTED = 3, 20
-"""After so many older messages in a row, of which each is newer than the one before it, the clock was set back; after
-the second if their numbers are lower, too, as those of messages that a broker kept back are."""
+RESTARTED = 20
+"""The same as `STEPPED_BACK` if their numbers are lower, too, as those of messages that a broker kept back are."""
+STEPPED_BACK = 3
+"""After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
 MOST_SAME_STAMPS = 20
 """As many messages may have the same stamp, if their numbers rise: those of two seconds, with stamps of whole ones."""
 
