@@ -42,6 +42,8 @@ TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
 ALONG_RAD = pi / 3
 """A robot drives along a piece of its way if its direction differs by no more than this."""
+SHOWS_M = 0.5
+"""A path with times that is longer shows how fast the robot drives."""
 PASSED_BY = 5
 """A plan may pass so many nodes at a distance before one to which it leads."""
 DONE = frozenset(("FINISHED", "FAILED"))
@@ -275,7 +277,7 @@ class _Walk:
     def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, datum: str) -> None:
         _, from_x, from_y, from_rad = self.rows[-1]
         dx, dy = x - from_x, y - from_y
-        length_m, is_first = hypot(dx, dy), len(self.rows) == 1
+        length_m, is_first = hypot(dx, dy), len(self.rows) == 1 and self.own is NO_PATH
         if length_m < (AT_NODE_M if is_first and self._speed_mps <= DRIVES_MPS else SPOT_M):
             if edge.orientation_rad is not None and edge.is_global:
                 self._turn(edge.orientation_rad, edge, TURN_RAD)
@@ -336,12 +338,13 @@ class _Walk:
 
 
 def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:
-    """The direction in which a robot drives at the last of its rows, and how fast it is where it drives along them."""
+    """The direction in which a robot drives at the last of its rows, and its speed along them, 0 if unknown."""
     moves = [(b[1] - a[1], b[2] - a[2], b[0] - a[0]) for a, b in pairwise(rows)]
     drives = [(dx, dy, lasts_s) for dx, dy, lasts_s in moves if hypot(dx, dy) > DRIVES_MPS * lasts_s > 0.0]
     if drives:
         length_m, (dx, dy, _) = sum(hypot(dx, dy) for dx, dy, _ in drives), drives[-1]
-        return atan2(dy, dx), length_m / sum(lasts_s for _, _, lasts_s in drives)
+        mps = length_m / sum(lasts_s for _, _, lasts_s in drives)
+        return atan2(dy, dx), mps if length_m > SHOWS_M else 0.0
     if velocity and speed_mps(velocity) > DRIVES_MPS:
         return rows[-1][3] + atan2(velocity.vy or 0.0, velocity.vx or 0.0), 0.0
     return rows[-1][3], 0.0

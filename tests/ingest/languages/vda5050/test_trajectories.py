@@ -1,10 +1,11 @@
 from itertools import pairwise
-from math import cos, hypot, sin, sqrt
+from math import cos, hypot, pi, sin, sqrt
 from typing import Any
 
 import pytest
 
 from ingest.batch import Basis
+from ingest.frames.assumed_motion import ASSUMED_TURN_RADPS
 from ingest.languages.model import NO_PATH
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import write
@@ -200,6 +201,23 @@ def test_the_order_goes_on_where_a_path_with_times_ends(plan: dict[str, Any] | N
     assert rows[:4] == [(1.0, 0.0, 0.5), (2.0, 0.0, 1.0), (3.0, 0.0, 1.5), (12.0, 0.0, 6.0)]
     assert rows[-1][1:] == (8.0, 6.0)
     assert (status.path_basis, status.path.most, status.path.ends_in_stop) == (Basis.PATH, (), True)
+
+
+def test_the_order_goes_on_with_a_turn_where_a_path_with_times_ends_at_a_corner() -> None:
+    nodes = [node(0, 0.0), node(1, 3.0), node(2, 3.0, 6.0)]
+    polyline = [{"x": float(each), "y": 0.0, "eta": write(T + each)} for each in range(1, 4)]
+    keys = {"intermediatePath": {"polyline": polyline}, "velocity": {"vx": 1.0}}
+    status = Listener().status_after(
+        ("order", order(T - 1, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:], **keys))
+    )
+    assert status.path.ends_s[1] - T == pytest.approx(9.0 + pi / 2 / ASSUMED_TURN_RADPS)
+
+
+def test_a_crawl_at_the_end_of_a_path_with_times_is_not_how_fast_the_robot_drives() -> None:
+    nodes = [node(0, 0.0), node(1, 6.0)]
+    polyline = [{"x": 0.0, "y": 0.0, "eta": write(T + 1)}, {"x": 0.1, "y": 0.0, "eta": write(T + 1.5)}]
+    report = ("state", under_way(T, 0.0, 0.0, nodes[1:], intermediatePath={"polyline": polyline}))
+    assert Listener().status_after(("order", order(T - 1, nodes)), report).path.ends_s[1] == pytest.approx(T + 7.4)
 
 
 def test_a_path_with_times_that_leads_elsewhere_than_the_order_stays_as_it_is() -> None:
