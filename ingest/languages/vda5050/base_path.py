@@ -21,6 +21,7 @@ from ingest.frames.assumed_motion import (
     DRIVES_MPS,
     LEAST_STEP_S,
     SPOT_M,
+    TURNS_RADPS,
     turn_in_parts,
 )
 from ingest.frames.way_pieces import Nearest, nearest_place
@@ -306,7 +307,7 @@ class _Walk:
         if isnan(turn_rad) or abs(turn_rad) <= least_rad:
             return
         most_radps = min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or inf)
-        radps = most_radps if isfinite(most_radps) else ASSUMED_TURN_RADPS
+        radps = max(most_radps, TURNS_RADPS) if isfinite(most_radps) else ASSUMED_TURN_RADPS
         for part_rad, yaw_rad in turn_in_parts(from_rad, to_rad):
             self._add((t_s + part_rad / radps, x, y, yaw_rad), self.datums[-1], most_radps)
 
@@ -332,9 +333,8 @@ class _Walk:
 
     def _assumed_mps(self, most_mps: float) -> float:
         """A speed for times that nobody has observed yet."""
-        if self._own_mps:
-            return min(most_mps, self._own_mps)
-        return most_mps if isfinite(most_mps) else max(self._speed_mps, ASSUMED_MPS)
+        mps = min(most_mps, self._own_mps or inf)
+        return max(mps, DRIVES_MPS) if isfinite(mps) else max(self._speed_mps, ASSUMED_MPS)
 
 
 def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:

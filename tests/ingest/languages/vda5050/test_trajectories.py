@@ -12,7 +12,7 @@ from ingest.languages.timestamps import write
 from ingest.languages.vda5050 import trajectories
 from ingest.languages.vda5050.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
-from tests.helpers.vda_saying import edge, node, order, state, under_way
+from tests.helpers.vda_saying import edge, factsheet, node, order, state, under_way
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 QUARTER = [ControlPoint(2.0, 0.0), ControlPoint(2.0, 2.0, sqrt(0.5)), ControlPoint(0.0, 2.0)]
@@ -211,6 +211,16 @@ def test_the_order_goes_on_with_a_turn_where_a_path_with_times_ends_at_a_corner(
         ("order", order(T - 1, nodes)), ("state", under_way(T, 0.0, 0.0, nodes[1:], **keys))
     )
     assert status.path.ends_s[1] - T == pytest.approx(9.0 + pi / 2 / ASSUMED_TURN_RADPS)
+
+
+def test_a_limit_that_is_nearly_zero_gives_no_times_without_end() -> None:
+    limits = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": 1e-320, "maximumAngularSpeed": 1e-320}}
+    nodes = [node(0, 0.0), node(1, 3.0), node(2, 3.0, 6.0)]
+    polyline = [{"x": float(each), "y": 0.0, "eta": write(T + each)} for each in range(1, 3)]
+    report = ("state", under_way(T, 0.0, 0.0, nodes[1:], intermediatePath={"polyline": polyline}))
+    status = Listener().status_after(("factsheet", factsheet(T, **limits)), ("order", order(T - 1, nodes)), report)
+    assert len(status.path.poses) > 2
+    assert status.path.ends_s[1] < T + 300.0
 
 
 def test_a_crawl_at_the_end_of_a_path_with_times_is_not_how_fast_the_robot_drives() -> None:
