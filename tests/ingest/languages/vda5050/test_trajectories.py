@@ -105,7 +105,7 @@ def test_a_line_of_many_points_is_thinned_before_they_are_counted() -> None:
     assert points[-1][0] == pytest.approx(13.98)
 
 
-ARC = {"degree": 2, "controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0}, {"x": 4.0, "y": 4.0}]}
+ARC: dict[str, Any] = {"degree": 2, "controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0}, {"x": 4.0, "y": 4.0}]}
 CORNERS = [node(0, 0.0), node(1, 4.0, 4.0)]
 
 
@@ -172,7 +172,7 @@ def planned(nodes: list[dict[str, Any]], *further: tuple[str, bytes], **keys: An
 def test_a_planned_path_leads_past_nodes_and_ends_at_a_stop() -> None:
     goal = node(3, 8.0, 0.2)
     assert planned([node(0, 0.0), goal]) == [(0.0, 6.0), (8.0, 6.0), (8.0, 0.2)]
-    lift = {"actions": [{"actionId": "a", "actionType": "pick", "blockingType": "HARD"}]}
+    lift: dict[str, Any] = {"actions": [{"actionId": "a", "actionType": "pick", "blockingType": "HARD"}]}
     assert planned([node(0, 0.0), node(1, 4.0, 6.5, **lift), goal]) == [(0.0, 6.0), (4.0, 6.0)]
     assert planned([node(0, 0.0), node(1, 4.0, 3.0), goal]) == [(0.0, 6.0), (8.0, 6.0), (8.0, 0.2)]
     assert planned([node(0, 0.0), node(1, 8.0, 0.0), node(2, 20.0)])[-2:] == [(8.0, 0.0), (20.0, 0.0)]

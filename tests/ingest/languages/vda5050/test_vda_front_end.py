@@ -282,7 +282,7 @@ def test_a_visualization_without_a_map_is_on_the_last_one() -> None:
 def test_a_state_without_a_map_is_on_that_of_its_nodes_and_then_on_the_last_one(other_map: str, datum: str) -> None:
     place = {"x": 4.0, "y": 0.0, "mapId": other_map}
     nodes = [node(0, 0.0), node(1, None, nodePosition=place)]
-    nameless = {"agvPosition": position(1.0, mapId=None)}
+    nameless: dict[str, Any] = {"agvPosition": position(1.0, mapId=None)}
     listener = Listener()
     listener.hears("order", order(T, nodes))
     driving = listener.status_after(("state", under_way(T + 1, 1.0, 0.0, nodes[1:], **nameless)))
