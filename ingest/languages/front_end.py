@@ -5,11 +5,12 @@ of a robot between two messages is the robot's memory, which the caller holds. S
 give the same results, live and from a recording.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from ingest.languages.model import Message, Status
-from ingest.languages.rules import Rule
+from ingest.languages.model import Message, Rejection, Status, rejection_of
+from ingest.languages.rules import Findings, RejectedError, Rule
+from ingest.languages.tolerance.tolerant_json import document
 
 
 class TopicSender(NamedTuple):
@@ -64,3 +65,59 @@ class FrontEnd(Protocol):
 
     def document(self, raw: bytes) -> dict[str, Any]:
         """Everything that an accepted message says, JSON-ready."""
+
+
+class Topic(NamedTuple):
+    """What the last parts of a topic say."""
+
+    sender: TopicSender
+    kind: str
+
+
+class TopicFrontEnd:
+    """What the languages of brokers share: a topic names the robot and, last, the kind of message."""
+
+    kinds: Collection[str]
+    with_pose: Collection[str]
+    """The kinds of messages that have the robot's pose."""
+    form: str
+    """What stands before the kind in a topic, for people."""
+    nothing: Any
+    """The memory of a robot before its first message."""
+    parsed: "staticmethod[[str], Topic | None]"
+    """What a topic says. None if it is not of the language's form."""
+    read_kind: "staticmethod[[bytes, Topic, Any, Findings], tuple[Message, Any]]"
+    """What `read` returns for a topic that is known. Raises `RejectedError` if it can't be understood."""
+    status_of: "staticmethod[[str, Any, Findings], Status | None]"
+    """The status of the robot with a UUID by its memory."""
+
+    def has_topic(self, topic: str) -> bool:
+        parsed = self.parsed(topic)
+        return parsed is not None and parsed.kind in self.kinds
+
+    def sender(self, topic: str) -> TopicSender | None:
+        parsed = self.parsed(topic)
+        return parsed.sender if parsed else None
+
+    def read(self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None) -> tuple[Message, Any]:  # noqa: ARG002
+        parsed, findings = self.parsed(topic), Findings()
+        if parsed is None or parsed.kind not in self.kinds:
+            reason = f"topic {topic[-80:]!r} is not {self.form}/ and one of {', '.join(self.kinds)}"
+            return Rejection("topic-unknown", reason), memory
+        try:
+            return self.read_kind(raw, parsed, memory or self.nothing, findings)
+        except RejectedError as rejected:
+            return rejection_of(rejected, parsed.sender.uuid, findings), memory
+
+    def status(self, raw: bytes, memory: Any, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
+        return self.status_of("", memory, Findings()) if memory else None
+
+    def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
+        parsed = self.parsed(topic)
+        return parsed.sender.uuid.encode() if parsed and parsed.kind in self.with_pose else None
+
+    def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002 - the topic says it
+        return topic.rpartition("/")[2] in self.with_pose
+
+    def document(self, raw: bytes) -> dict[str, Any]:
+        return document(raw)

@@ -1,6 +1,6 @@
 """What a message in any language says: an identity, a status, an update, or why it is rejected."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import hypot, nan, pi
 
@@ -54,6 +54,17 @@ class Path(msgspec.Struct, frozen=True, gc=False, eq=False):
 
 
 NO_PATH = Path((), (), in_order=True, ends_s=(nan, nan))
+
+
+def datum_name(sent: str | None) -> str:
+    """A datum as `Path` and `Status` have it."""
+    return (sent or "").strip().lower()
+
+
+def only_datum(named: Iterable[str]) -> str:
+    """The datum of a robot's own messages that one without a datum is on. "" unless there is just one."""
+    datums = {*named} - {""}
+    return datums.pop() if len(datums) == 1 else ""
 
 
 def goes_on_beside(path: Path, t_s: float, x: float, y: float) -> bool:

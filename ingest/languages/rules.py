@@ -205,7 +205,7 @@ def value_rules(clause: str) -> tuple[Rule, ...]:
         Rule("text-as-number", "A text was sent as a number; read as text.", clause),
         Rule(
             "single-not-list",
-            "One value stands where a list belongs, or a list of one where a value does; read.",
+            "One value, or one with numbers as keys, stands where a list belongs, or a list where a value does; read.",
             clause,
         ),
         Rule("value-unreadable", "A value can't be read as what belongs there; left out.", clause),

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from math import inf, isfinite
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import UUID, uuid5
 
 from msgspec.structs import replace
 
 from ingest.languages import timestamps
-from ingest.languages.front_end import TopicSender
+from ingest.languages.front_end import Topic, TopicFrontEnd, TopicSender
 from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
@@ -26,6 +26,7 @@ from ingest.languages.iso21423.iso_messages import (
     IsoDetails,
     IsoMessage,
     OdometryMessage,
+    OdometryPose,
     PlanMessage,
     StatusMessage,
     TrajectoryMessage,
@@ -38,15 +39,14 @@ from ingest.languages.model import (
     MAX_TEXT,
     Identity,
     Message,
-    Rejection,
-    Status,
-    rejection_of,
+    datum_name,
+    only_datum,
     update_of,
 )
 from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import heard_after
-from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, document, lacks_required, stamp_of, time_of
+from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required, stamp_of, time_of
 
 PREFIXES = ("/ISO_21423/v1",)
 ROBOT = "IMR"
@@ -60,66 +60,10 @@ NAMES = KnownNames(
 MOST_CHARGE = 1.5
 """A battery that is fuller is sent in percent; one that is less so is full, but for calibration."""
 _TOPICS_CACHED = 65_536
-_WITH_POSE = frozenset(("odometry", "localTrajectory"))
-
-
-class _IsoTopic(NamedTuple):
-    """What the last parts of a topic say."""
-
-    sender: TopicSender
-    resource: str
-
-
-class IsoFrontEnd:
-    """The memory of a robot is an `IsoMemory`."""
-
-    standard = "ISO 21423"
-    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
-    rules: Mapping[str, Rule] = RULES
-
-    def has_topic(self, topic: str) -> bool:
-        parsed = _parsed_topic(topic)
-        return parsed is not None and parsed.resource in RESOURCES
-
-    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:  # noqa: ARG002
-        return [f"{prefix}/{ROBOT}/+/{resource}" for prefix in prefixes or PREFIXES for resource in RESOURCES]
-
-    def sender(self, topic: str) -> TopicSender | None:
-        parsed = _parsed_topic(topic)
-        return parsed.sender if parsed else None
-
-    def read(
-        self,
-        raw: bytes,
-        topic: str,
-        memory: IsoMemory | None,
-        names_as_uuid: str | None,  # noqa: ARG002 - named by topic
-    ) -> tuple[Message, Any]:
-        parsed, findings = _parsed_topic(topic), Findings()
-        if parsed is None or parsed.resource not in RESOURCES:
-            reason = f"topic {topic[-80:]!r} is not {ROBOT}/UUID/ and one of {', '.join(RESOURCES)}"
-            return Rejection("topic-unknown", reason), memory
-        try:
-            return _read(raw, parsed, memory or NOTHING, findings)
-        except RejectedError as rejected:
-            return rejection_of(rejected, parsed.sender.uuid, findings), memory
-
-    def status(self, raw: bytes, memory: IsoMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
-        return status_of("", memory, Findings()) if memory else None
-
-    def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
-        parsed = _parsed_topic(topic)
-        return parsed.sender.uuid.encode() if parsed and parsed.resource in _WITH_POSE else None
-
-    def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002 - the topic says it
-        return topic.rpartition("/")[2] in _WITH_POSE
-
-    def document(self, raw: bytes) -> dict[str, Any]:
-        return document(raw)
 
 
 @lru_cache(_TOPICS_CACHED)
-def _parsed_topic(topic: str) -> _IsoTopic | None:
+def _parsed_topic(topic: str) -> Topic | None:
     """The last three parts: entity type, UUID and resource. None unless it is a robot's."""
     parts = topic.split("/")
     if len(parts) < 3 or parts[-3] != ROBOT or not all(parts[-2:]):
@@ -128,11 +72,11 @@ def _parsed_topic(topic: str) -> _IsoTopic | None:
         uuid = str(UUID(parts[-2]))
     except ValueError:
         uuid = str(uuid5(NAMED, parts[-2]))
-    return _IsoTopic(TopicSender(uuid, "", ""), parts[-1])
+    return Topic(TopicSender(uuid, "", ""), parts[-1])
 
 
-def _read(raw: bytes, topic: _IsoTopic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
-    resource = topic.resource
+def _read(raw: bytes, topic: Topic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
+    resource = topic.kind
     message = _decoded(resource, raw, findings, is_first=resource not in memory.heard or resource in memory.respelt)
     if "key-spelling" in findings and resource not in memory.respelt:
         memory = replace(memory, respelt=memory.respelt | {resource})
@@ -183,9 +127,19 @@ def _read_odometry(
     if pose is None or abs(pose.location_point.x) > MAX_POSITION or abs(pose.location_point.y) > MAX_POSITION:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
     stamp = stamp if stamp.is_known else timestamps.Stamp(memory.path_stamp_s, inf)
-    memory = replace(memory, pose=IsoPose(stamp, pose, message.velocity))
+    memory = replace(memory, pose=IsoPose(stamp, _on_known_map(pose, memory, findings), message.velocity))
     status = status_of(uuid, memory, findings)
     return status or update_of(uuid, findings), memory
+
+
+def _on_known_map(pose: OdometryPose, memory: IsoMemory, findings: Findings) -> OdometryPose:
+    """The pose. One that names no coordinate system is in the one of the robot's paths, or else in its last one."""
+    at, last = pose.location_point, memory.pose.pose.location_point.ccs_id if memory.pose else None
+    known = only_datum((*memory.path.datums, *memory.plan.datums)) or last
+    if datum_name(at.ccs_id) or not known:
+        return pose
+    findings.note("map-missing", "pose.locationPoint.ccsId", at.ccs_id, known)
+    return replace(pose, location_point=replace(at, ccs_id=known))
 
 
 def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:
@@ -251,3 +205,18 @@ def _identity(
         findings=tuple(findings),
         oddities=tuple(findings.oddities),
     )
+
+
+class IsoFrontEnd(TopicFrontEnd):
+    """The memory of a robot is an `IsoMemory`."""
+
+    standard = "ISO 21423"
+    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
+    rules: Mapping[str, Rule] = RULES
+    kinds, with_pose = RESOURCES, frozenset(("odometry", "localTrajectory"))
+    form = f"{ROBOT}/UUID"
+    nothing = NOTHING
+    parsed, read_kind, status_of = staticmethod(_parsed_topic), staticmethod(_read), staticmethod(status_of)
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:  # noqa: ARG002
+        return [f"{prefix}/{ROBOT}/+/{resource}" for prefix in prefixes or PREFIXES for resource in RESOURCES]

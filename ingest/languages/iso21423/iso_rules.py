@@ -56,7 +56,7 @@ _STATE = (
     Rule("mode-missing", "The states have no operating mode; read as automatic.", "status"),
     Rule("battery-out-of-range", "The battery is not within 0 to 1; above 1.5, in percent; clamped.", "batteryStatus"),
     Rule("speed-absurd", "A speed beyond 100 m/s; ignored.", "odometry"),
-    Rule("map-missing", "A position without ccsId; it is compared with nothing.", "odometry"),
+    Rule("map-missing", "A position without ccsId; in that of its paths, else in the last one.", "odometry"),
     Rule("heading-missing", "A pose without yaw; the direction of travel is used.", "odometry"),
     in_context("status-too-rare", "More than 30 s since the last odometry.", "odometry"),
     *motion_rules("odometry"),

@@ -16,6 +16,7 @@ from ingest.languages.model import (
     Row,
     Status,
     beyond_turn,
+    datum_name,
     goes_on_beside,
 )
 from ingest.languages.rules import Findings
@@ -66,7 +67,7 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         at.y,
         0.0,
         nan if yaw_rad is None else remainder(yaw_rad, 2 * pi),
-        (at.ccs_id or "").lower(),
+        datum_name(at.ccs_id),
         linear_mps,
         velocity.angular if velocity else None,
         Amounts(nan if memory.battery_pct is None else memory.battery_pct),
@@ -86,7 +87,7 @@ def _followed(memory: IsoMemory, pose: IsoPose, findings: Findings) -> Path:
     path, t_s, at = memory.path, pose.stamp.t_s, pose.pose.location_point
     if path is NO_PATH or memory.path_stamp_s >= t_s - OUTDATED_S:
         return path
-    if {*path.datums} <= {"", (at.ccs_id or "").lower()} and goes_on_beside(path, t_s, at.x, at.y):
+    if {*path.datums} <= {"", datum_name(at.ccs_id)} and goes_on_beside(path, t_s, at.x, at.y):
         return path
     if path.ends_s[1] > t_s or _speed_mps(pose.velocity) > DRIVES_MPS:
         findings["path-outdated"] = None
@@ -139,7 +140,7 @@ def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findin
             yaw_rad = point.orientation.yaw if point.orientation else None
             t_s = timestamps.point_time_s(point.timestamp, f"{key}[{row}].timestamp", findings)
             rows.append((t_s, at.x, at.y, nan if yaw_rad is None else remainder(yaw_rad, 2 * pi)))
-            datums.append((at.ccs_id or "").lower())
+            datums.append(datum_name(at.ccs_id))
     if not rows:
         return NO_PATH
     times = timestamps.filled([row[0] for row in rows], stamp_s)

@@ -8,6 +8,8 @@ import msgspec
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import NO_STAMP, Stamp
 
+RESTARTED = 20
+"""The same as `STEPPED_BACK` if their numbers are lower, too, as those of messages that a broker kept back are."""
 STEPPED_BACK = 3
 """After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
 MOST_SAME_STAMPS = 20
@@ -31,12 +33,12 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     def is_newer_than(self, later: "Heard") -> bool:
         """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
 
-        If it counts nothing, `STEPPED_BACK` older messages in a row show it.
+        If it does not, or began to count anew, older messages in a row show it.
         """
         number, later_number = self.header_id or 0, later.header_id or 0
         if later.stamp_s >= self.stamp_s or later_number > number:
             return False
-        return later_number < number or self.after_older(later).older < STEPPED_BACK
+        return self.after_older(later).older < (RESTARTED if later_number < number else STEPPED_BACK)
 
     def after_older(self, later: "Heard") -> "Heard":
         """What is kept of this message after an older one has come."""

@@ -80,11 +80,13 @@ def lacks_required(required: Callable[[Any], Any], message: Any) -> bool:
 def document(raw: bytes) -> dict[str, Any]:
     """A message that was accepted, as it was sent; null stands for numbers that are not finite."""
     try:
-        sent: dict[str, Any] = msgspec.json.decode(raw)
+        sent = msgspec.json.decode(raw)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        reader = ValueReader(Findings(), keeps_others=True)
-        return reader.read(parsed(raw, Findings()), object_kind(_Anything))[0]
-    return sent
+        sent = None
+    if isinstance(sent, dict):
+        return sent
+    reader = ValueReader(Findings(), keeps_others=True)
+    return reader.read(parsed(raw, Findings()), object_kind(_Anything))[0]
 
 
 def stamp_of(text: str | None, findings: Findings) -> timestamps.Stamp:

@@ -19,6 +19,7 @@ MOST_ITEMS = 20_000
 LARGEST = 1e300
 """Numbers beyond it are looked at more closely."""
 LEFT_OUT = "left out"
+_X_Y = frozenset(("x", "y"))
 UNREADABLE: Any = object()
 """Stands for a value that is left out."""
 TRUTHS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
@@ -102,9 +103,12 @@ class ValueReader:
         return self._item(value, known, path)
 
     def _list(self, value: Any, known: KeyKind, path: str) -> Any:
-        if value == {}:
-            self.findings.note("single-not-list", path, value, "an empty list")
-            return []
+        if isinstance(value, dict) and all(map(str.isdecimal, value)):  # a list of programs that count its places
+            self.findings.note("single-not-list", path, value, "a list of its values" if value else "an empty list")
+            value = [value[place] for place in sorted(value, key=lambda place: (len(place), place))]
+        elif isinstance(value, list) and len(value) == 1 and isinstance(value[0], list) and not _is_place(value[0]):
+            self.findings.note("single-not-list", path, value, "its only item")
+            value = value[0]
         if not isinstance(value, list):
             item = self._item(value, known, path) if value != "" else self._left_out(value, path)
             if item is UNREADABLE:
@@ -137,6 +141,9 @@ class ValueReader:
             self.findings.note("single-not-list", path, value, "its only item")
             value = value[0]
         if isinstance(kind, ObjectKind):
+            if kind.required == _X_Y and path.endswith("]") and _is_place(value):
+                self.findings.note("single-not-list", path, value, "x and y")
+                value = dict(zip(("x", "y"), value, strict=False))
             if not isinstance(value, dict):
                 return self._left_out(value, path, kind)
             read, fits = self.read(value, kind, path)
@@ -202,6 +209,11 @@ def _is_proper(value: Any, known: KeyKind) -> bool:
     if kind is float:
         return (found is float or found is int) and -LARGEST < value < LARGEST
     return found is kind or (isinstance(kind, Words) and found is str and value in kind.terms)
+
+
+def _is_place(value: Any) -> bool:
+    """Whether a value has the x and y of a place, as a list without their keys. A third number may follow."""
+    return isinstance(value, list) and 2 <= len(value) <= 3 and all(map(is_number, value))
 
 
 def _under(path: str, key: str) -> str:

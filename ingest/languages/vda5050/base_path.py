@@ -1,12 +1,14 @@
 """The path of a robot along its order, with the speed that the order and the robot allow.
 
-The robot drives from where it is along the remaining edges. It turns on the spot at corners and as nodes say, and stops
-at the first node with an action during which it does not drive: how long that takes, nobody says. It goes on into the
-unreleased horizon if its bases are usually extended before it reaches their ends.
+The robot drives from where it is along the remaining edges, by its own plan where that leads to their nodes. It turns
+on the spot at corners and as nodes say, and stops at the first node with an action during which it does not drive: how
+long that takes, nobody says. It goes on into the unreleased horizon if its bases are usually extended before it reaches
+their ends. Where the robot has sent a path with times of its own, the order goes on from its end.
 """
 
 from collections.abc import Iterator, Sequence
-from math import atan2, hypot, inf, isfinite, isnan, nan, pi, remainder
+from itertools import pairwise
+from math import atan2, dist, hypot, inf, isfinite, isnan, nan, pi, remainder
 from typing import NamedTuple
 
 import msgspec
@@ -19,17 +21,18 @@ from ingest.frames.assumed_motion import (
     DRIVES_MPS,
     LEAST_STEP_S,
     SPOT_M,
+    TURNS_RADPS,
     turn_in_parts,
 )
-from ingest.frames.way_pieces import nearest_piece
-from ingest.languages.model import NO_PATH, Path, Row
+from ingest.frames.way_pieces import Nearest, nearest_place
+from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
 from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
-from ingest.languages.vda5050.trajectories import BEND_RAD, Polyline, curve_of, is_needless, sampled
+from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_to, is_needless
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
-from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, StateMessage
+from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, Position, StateMessage, Velocity2d
 
 LONGEST_S = 40.0
 MOST_ROWS = 150
@@ -38,8 +41,12 @@ AT_NODE_M = 0.1
 """A robot that stands is at a node that is nearer than this."""
 TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
-ON_CURVE_M = 2.0
-"""A robot this near to the curve of its edge drives on along it. One further off drives straight to the next node."""
+ALONG_RAD = pi / 3
+"""A robot drives along a piece of its way if its direction differs by no more than this."""
+SHOWS_M = 0.5
+"""A path with times that is longer shows how fast the robot drives."""
+PASSED_BY = 5
+"""A plan may pass so many nodes at a distance before one to which it leads."""
 DONE = frozenset(("FINISHED", "FAILED"))
 NO_EDGE = OrderEdge(None, None, None, False, None)
 
@@ -58,6 +65,7 @@ class OrderedDrive(msgspec.Struct, frozen=True, gc=False):
     """Where a robot will drive by its order."""
 
     path: Path
+    """After the robot's own path, if it sent one. `NO_PATH` if the order does not say how that goes on."""
     destinations: Path
 
 
@@ -66,14 +74,16 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
-    legs = _legs_ahead(memory, state, findings)
-    if not any(leg.place for leg in legs):
-        legs = _planned_leg(pose) or legs
+    walk, legs = _Walk(memory, pose), _legs_ahead(memory, state, findings)
+    if walk.plan and not any(leg.place for leg in legs):
+        legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
+    row = walk.leg_on(legs, state.position)
+    legs = legs[row or 0 :]
     if not legs:
         return NO_DRIVE
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
     goes_on = memory.bases.are_extended(has_horizon=not legs[-1].is_released)
-    walk, ends_in_stop = _Walk(memory, pose), not goes_on
+    ends_in_stop = not goes_on
     base_end, base_legs = walk.end, 0
     for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
@@ -83,14 +93,25 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
         if leg.place is None or walk.is_long:
             ends_in_stop = False
             break
-        walk.along(leg.edge, leg.place)
+        if not walk.goes_along(leg.edge, leg.place, legs[count : count + PASSED_BY]):
+            continue
         if leg.is_released:
             base_end, base_legs = walk.end, count
         if leg.stops and not done.issuperset(leg.stops):
             ends_in_stop = True
             break
     path = _path(walk.rows[1:], walk.datums[1:], walk.most[1:], ends_in_stop=ends_in_stop)
+    if pose.path is not NO_PATH:
+        path = _joined(walk.own, path) if row is not None else NO_PATH
     return OrderedDrive(path, walk.destinations(legs, base_end, base_legs))
+
+
+def _joined(own: Path, further: Path) -> Path:
+    """A path with times of the robot's own, and how it goes on. `NO_PATH` if it does not."""
+    if NO_PATH in (own, further):
+        return NO_PATH
+    ends_s = own.ends_s[0], further.ends_s[1]
+    return Path(own.poses + further.poses, own.datums + further.datums, True, ends_s, (), further.ends_in_stop)
 
 
 def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, ends_in_stop: bool = True) -> Path:
@@ -100,14 +121,6 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
     return Path(tuple(rows), tuple(datums), True, ends_s, tuple(most), ends_in_stop)
 
 
-def _planned_leg(pose: VdaPose) -> list[OrderLeg]:
-    """The way that a robot plans, as one leg. Empty if it plans none, or one that is far from it."""
-    points = sampled(pose.plan) if pose.plan else ()
-    if not _curve_ahead(points, (0.0, pose.position.x, pose.position.y, 0.0)):
-        return []
-    return [OrderLeg(True, NodePlace(*points[-1]), (), msgspec.structs.replace(NO_EDGE, curve=pose.plan))]
-
-
 def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
     """The newest order that a state is about."""
     order_id = state.order_id or None if state.node_states else state.order_id
@@ -115,9 +128,11 @@ def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
-    """The legs that remain, in their order. The state says which, except while the newest order is newer than it."""
+    """The legs that remain, in their order. The state says which, unless the order is newer or it has no nodes."""
     order = order_by(memory, state)
-    if order and memory.is_order_newer and order is memory.orders[-1]:
+    is_newer = memory.is_order_newer and order is memory.orders[-1]
+    is_left_out = state.node_states is None and state.driving
+    if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
     if state.node_states and order is None:
@@ -143,7 +158,7 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         first = -1 if before is None else before
         between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
-            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_of(curves[between], findings))
+            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_to(place, curves[between], findings))
         yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
 
 
@@ -152,7 +167,7 @@ def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> No
     place, known = on_earth(node.node_position), ordered.place if ordered else None
     if place is None or known is None:
         return place or known
-    if place.map_id or place.x or place.y or place.theta:
+    if place.x or place.y or place.theta:
         return place
     if known.x or known.y:
         findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
@@ -160,19 +175,28 @@ def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> No
 
 
 class _Walk:
-    """The needed rows of a path while it grows leg by leg. The first row is the pose of the robot."""
+    """The needed rows of a path while it grows leg by leg. The first is the robot's pose or the end of its own path."""
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
         yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
-        self.rows: list[Row] = [(pose.stamp.t_s, position.x, position.y, yaw_rad)]
-        self.datums = [(position.map_id or "").strip().lower()]
+        self.own = pose.path if pose.path.in_order and pose.path.ends_s[1] > pose.stamp.t_s else NO_PATH
+        """The robot's own path, if its times are in order and reach beyond the pose."""
+        before = ((pose.stamp.t_s, position.x, position.y, yaw_rad), *self.own.poses)
+        self._way_rad, self._own_mps = _motion(before, pose.velocity)
+        """The direction in which the robot drives there, nan if unknown; its speed by its own path, 0 without one."""
+        self.rows: list[Row] = [(*before[-1][:3], self._way_rad if isnan(before[-1][3]) else before[-1][3])]
+        self.datums = [datum_name(position.map_id)]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
-        velocity = pose.velocity
-        self._speed_mps = speed_mps(velocity)
-        self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
+        self._speed_mps = speed_mps(pose.velocity)
+        self._is_backwards = bool(pose.velocity and (pose.velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
+        ahead = curve_ahead(pose.plan, self.rows[0][1:3])
+        self.plan: Polyline = (self.rows[0][1:3], *ahead) if ahead else ()
+        """The way that the robot plans, from the last row on."""
+        self._is_of_order = not memory.is_order_newer
+        """Whether that can be for the newest order."""
 
     @property
     def end(self) -> tuple[Row, str]:
@@ -182,16 +206,57 @@ class _Walk:
     def is_long(self) -> bool:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
-    def along(self, edge: OrderEdge, place: NodePlace) -> None:
-        """Drive along an edge to its node, and turn there as the node says."""
-        datum = (place.map_id or self.datums[-1]).strip().lower()
-        if edge.curve:
-            for x, y in _curve_ahead(sampled(edge.curve), self.rows[-1]):
-                self._turn_and_drive(x, y, edge, datum)
-        self._turn_and_drive(place.x, place.y, edge, datum)
+    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None) -> int | None:
+        """The row of the leg on which the robot is, which was at `start` when they remained. None if it is on none.
+
+        With a plan it is the first: `goes_along` leaves out what is passed.
+        """
+        _, x, y, _ = self.rows[0]
+        at = (start.x, start.y) if start else (x, y)
+        if self.plan or at == (x, y):
+            return 0
+        found, nearest_m = None, BESIDE_M
+        for row, leg in enumerate(legs[:MOST_ROWS]):
+            if leg.place is None:
+                break
+            way = (at, *curve_ahead(leg.edge.curve, at), (leg.place.x, leg.place.y))
+            near = nearest_place(way, x, y)
+            is_on = near.away_m <= nearest_m and self._drives_along(way[near.end - 1], way[near.end])
+            if is_on:
+                found, nearest_m = row, near.away_m
+            elif found is not None:
+                break
+            at = way[-1]
+        return found
+
+    def _drives_along(self, start: Point, end: Point) -> bool:
+        off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
+        return start != end and not abs(off_rad) > ALONG_RAD
+
+    def goes_along(self, edge: OrderEdge, place: NodePlace, following: Sequence[OrderLeg]) -> bool:
+        """Drive along an edge to its node, and turn there as the node says. False if the plan leads past it.
+
+        It does if it leads to one of the legs that follow instead.
+        """
+        end, datum = (place.x, place.y), datum_name(place.map_id or self.datums[-1])
+        if self.plan and (near := self._planned(place)):
+            way, end, self.plan = self.plan[1 : near.end], near.point, (near.point, *self.plan[near.end :])
+        elif self.plan and any(self._planned(each.place) for each in following if each.place):
+            return False
+        else:
+            is_nearer = bool(self.plan) and dist(self.plan[-1], end) < dist(self.plan[0], end)
+            way, self.plan = self.plan[1:] if is_nearer and self._is_of_order else (), ()
+            way = way or curve_ahead(edge.curve, self.rows[-1][1:3])
+        for x, y in (*way, end):
+            self._turn_and_drive(x, y, edge, datum)
         if place.theta is not None:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
-        self._is_backwards = False  # an order says for each further edge if it is driven backwards
+        return True
+
+    def _planned(self, place: NodePlace) -> Nearest | None:
+        """Where the plan comes to a node for the first time. None if it does not."""
+        near = nearest_place(self.plan, place.x, place.y, BESIDE_M)
+        return near if near.away_m <= BESIDE_M else None
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
         """The ends of base and horizon, for a robot that has driven the first legs where the base ends."""
@@ -203,7 +268,7 @@ class _Walk:
             place = legs[row].place
             if place and row >= driven:
                 t_s += hypot(place.x - x, place.y - y) / self._assumed_mps(self._most_mps(legs[row].edge))
-                x, y, datum = place.x, place.y, (place.map_id or datum).strip().lower()
+                x, y, datum = place.x, place.y, datum_name(place.map_id or datum)
             if row in {last_released, last}:
                 t_s += LEAST_STEP_S
                 rows.append((t_s, x, y, nan))
@@ -213,7 +278,7 @@ class _Walk:
     def _turn_and_drive(self, x: float, y: float, edge: OrderEdge, datum: str) -> None:
         _, from_x, from_y, from_rad = self.rows[-1]
         dx, dy = x - from_x, y - from_y
-        length_m, is_first = hypot(dx, dy), len(self.rows) == 1
+        length_m, is_first = hypot(dx, dy), len(self.rows) == 1 and self.own is NO_PATH
         if length_m < (AT_NODE_M if is_first and self._speed_mps <= DRIVES_MPS else SPOT_M):
             if edge.orientation_rad is not None and edge.is_global:
                 self._turn(edge.orientation_rad, edge, TURN_RAD)
@@ -242,7 +307,7 @@ class _Walk:
         if isnan(turn_rad) or abs(turn_rad) <= least_rad:
             return
         most_radps = min(edge.max_turn_radps or inf, self._abilities.max_turn_radps or inf)
-        radps = most_radps if isfinite(most_radps) else ASSUMED_TURN_RADPS
+        radps = max(most_radps, TURNS_RADPS) if isfinite(most_radps) else ASSUMED_TURN_RADPS
         for part_rad, yaw_rad in turn_in_parts(from_rad, to_rad):
             self._add((t_s + part_rad / radps, x, y, yaw_rad), self.datums[-1], most_radps)
 
@@ -257,7 +322,9 @@ class _Walk:
         if orientation_rad is None:
             if self._abilities.is_omnidirectional and not isnan(before_rad):
                 return before_rad
-            return remainder(direction_rad + pi, 2 * pi) if self._is_backwards else direction_rad
+            backwards_rad = remainder(direction_rad + pi, 2 * pi)
+            is_turned = abs(turn_between(before_rad, backwards_rad)) >= pi / 2 and len(self.rows) > 1
+            return backwards_rad if self._is_backwards and not is_turned else direction_rad
         return remainder(orientation_rad if edge.is_global else direction_rad + orientation_rad, 2 * pi)
 
     def _most_mps(self, edge: OrderEdge) -> float:
@@ -266,11 +333,18 @@ class _Walk:
 
     def _assumed_mps(self, most_mps: float) -> float:
         """A speed for times that nobody has observed yet."""
-        return most_mps if isfinite(most_mps) else max(self._speed_mps, ASSUMED_MPS)
+        mps = min(most_mps, self._own_mps or inf)
+        return max(mps, DRIVES_MPS) if isfinite(mps) else max(self._speed_mps, ASSUMED_MPS)
 
 
-def _curve_ahead(curve: Polyline, here: Row) -> Polyline:
-    """The points of a curve that are ahead of a robot. Empty if the robot is far from it."""
-    _, x, y, _ = here
-    nearest_m, ahead = nearest_piece(curve, x, y)
-    return curve[ahead:] if nearest_m <= ON_CURVE_M else ()
+def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:
+    """The direction in which a robot drives at the last of its rows, and its speed along them, 0 if unknown."""
+    moves = [(b[1] - a[1], b[2] - a[2], b[0] - a[0]) for a, b in pairwise(rows)]
+    drives = [(dx, dy, lasts_s) for dx, dy, lasts_s in moves if hypot(dx, dy) > DRIVES_MPS * lasts_s > 0.0]
+    if drives:
+        length_m, (dx, dy, _) = sum(hypot(dx, dy) for dx, dy, _ in drives), drives[-1]
+        mps = length_m / sum(lasts_s for _, _, lasts_s in drives)
+        return atan2(dy, dx), mps if length_m > SHOWS_M else 0.0
+    if velocity and speed_mps(velocity) > DRIVES_MPS:
+        return rows[-1][3] + atan2(velocity.vy or 0.0, velocity.vx or 0.0), 0.0
+    return rows[-1][3], 0.0

@@ -11,8 +11,8 @@ import msgspec
 
 from ingest.languages.model import MAX_POSITION
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of
-from ingest.languages.vda5050.trajectories import Curve, curve_of
+from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of, plain_id
+from ingest.languages.vda5050.trajectories import Curve, curve_to
 from ingest.languages.vda5050.vda_messages import Edge, NodePlace, NodeState, OrderMessage, StateMessage, VdaNode
 
 MOST_NODES = 3000
@@ -82,11 +82,6 @@ class Order(msgspec.Struct, frozen=True, gc=False):
         return number if last and last.node_id and last.node_id == plain_id(state.last_node_id or "") else -1
 
 
-def plain_id(sent: str) -> str:
-    """An id without case and outer spaces, in which some states differ from orders."""
-    return sent.strip().lower()
-
-
 def order_of(message: OrderMessage, state: StateMessage | None, findings: Findings) -> Order:
     """The nodes and edges of one message. Of a very long order, those from where the robot is by its state."""
     nodes, edges = message.nodes or [], message.edges or []
@@ -98,11 +93,15 @@ def order_of(message: OrderMessage, state: StateMessage | None, findings: Findin
         findings.note("order-too-long", "edges", len(edges), f"{MOST_NODES} that lead to the nodes")
         edges, of_edges = _to_nodes(edges, nodes), Findings()
     numbered = sorted(zip(numbers_of(nodes, edges, findings), nodes, strict=True), key=_NUMBER)
+    order_nodes = {number: _node(node) for number, node in numbered}
     order_edges, curve_points = {}, 0
     for number, edge in edges_by_end(numbered, edges, of_edges).items():
-        order_edges[number] = read = _edge(edge, curve_points < MOST_CURVE_POINTS, findings)
-        curve_points += len(read.curve.points) if read.curve else 0
-    order_nodes = {number: _node(node) for number, node in numbered}
+        ordered = order_nodes[number]
+        order_edges[number] = read = _edge(edge, ordered.place, curve_points < MOST_CURVE_POINTS, findings)
+        if read.curve:
+            curve_points += len(read.curve.points)
+            place = ordered.place or NodePlace(*read.curve.points[-1][:2])
+            order_nodes[number] = msgspec.structs.replace(ordered, place=place)
     return Order(plain_id(message.order_id or ""), message.order_update_id, order_nodes, order_edges)
 
 
@@ -115,8 +114,8 @@ def _from_robot_on(nodes: list[VdaNode], state: StateMessage | None) -> list[Vda
 
 def _to_nodes(edges: list[Edge], nodes: list[VdaNode]) -> list[Edge]:
     """As many edges as are kept, of those that lead to any of the nodes."""
-    ends = {"", *(node.node_id for node in nodes)}
-    return [edge for edge in edges if edge.end_node_id in ends][:MOST_NODES]
+    ends = {"", *(plain_id(node.node_id) for node in nodes)}
+    return [edge for edge in edges if plain_id(edge.end_node_id) in ends][:MOST_NODES]
 
 
 def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> tuple[Order, ...]:
@@ -252,10 +251,11 @@ def on_earth(place: NodePlace | None) -> NodePlace | None:
     return place if place and abs(place.x) <= MAX_POSITION and abs(place.y) <= MAX_POSITION else None
 
 
-def _edge(edge: Edge, is_curve_kept: bool, findings: Findings) -> OrderEdge:
+def _edge(edge: Edge, end: NodePlace | None, is_curve_kept: bool, findings: Findings) -> OrderEdge:
+    """The edge that leads to a node which is at `end`."""
     curve = None
     if edge.trajectory and is_curve_kept:
-        curve = curve_of(edge.trajectory, findings)
+        curve = curve_to(end, edge.trajectory, findings)
     elif edge.trajectory:
         findings["curves-too-many"] = None
     speed_mps = edge.maximum_speed if edge.maximum_speed is not None else edge.max_speed

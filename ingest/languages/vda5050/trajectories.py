@@ -7,12 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ingest.frames.way_pieces import nearest_piece
+from ingest.languages.model import BESIDE_M
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.vda_messages import Trajectory
+from ingest.languages.vda5050.vda_messages import NodePlace, Trajectory
 
 MOST_DEGREE, MOST_CONTROL_POINTS = 10, 500
 SPACING_M = 0.3
 """Distance of two points of a polyline, roughly."""
+ON_CURVE_M = 2.0
+"""A robot this near to a curve drives on along it."""
 BEND_RAD = 0.1
 """Where a line bends by more than this, a point of it is kept however near the next is."""
 LEAST_POINTS, MOST_POINTS = 9, 65
@@ -50,6 +54,18 @@ def curve_of(trajectory: Trajectory, findings: Findings) -> Curve | None:
         return None
     knots = _knots(trajectory.knot_vector or [], len(corners), degree, findings) if degree > 1 else ()
     return Curve(degree, knots, tuple((*corner, weight) for corner, weight in zip(corners, weights, strict=True)))
+
+
+def curve_to(end: NodePlace | None, trajectory: Trajectory, findings: Findings) -> Curve | None:
+    """The curve of an edge that leads to a node. One that leads from there is turned round, which is counted."""
+    curve = curve_of(trajectory, findings)
+    if curve is None or end is None:
+        return curve
+    first_m, last_m = (hypot(x - end.x, y - end.y) for x, y, _ in (curve.points[0], curve.points[-1]))
+    if first_m > BESIDE_M or last_m <= first_m + BESIDE_M:
+        return curve
+    findings.note("trajectory-odd", "trajectory.controlPoints", None, "turned round")
+    return Curve(curve.degree, tuple(-knot for knot in reversed(curve.knots)), curve.points[::-1])
 
 
 def polyline(trajectory: Trajectory) -> Polyline | None:
@@ -91,6 +107,13 @@ def _knots(sent: list[float], points: int, degree: int, findings: Findings) -> t
 def sampled(curve: Curve) -> Polyline:
     """Points along a curve, from its first control point to its last."""
     return _corners(curve) if curve.degree == 1 else _points_along(curve)
+
+
+def curve_ahead(curve: Curve | None, here: Point) -> Polyline:
+    """The points of a curve that are ahead of a robot. Empty without a curve, or if the robot is far from it."""
+    points = sampled(curve) if curve else ()
+    nearest_m, ahead = nearest_piece(points, *here)
+    return points[ahead:] if nearest_m <= ON_CURVE_M else ()
 
 
 def _corners(curve: Curve) -> Polyline:

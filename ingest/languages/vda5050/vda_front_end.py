@@ -8,19 +8,20 @@ remaining nodes, and the order where these are.
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import UUID, uuid5
 
 import msgspec
 
 from ingest.languages import timestamps
-from ingest.languages.front_end import TopicSender
-from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, Rejection, Status, rejection_of, update_of
+from ingest.languages.front_end import Topic, TopicFrontEnd, TopicSender
+from ingest.languages.model import MAX_POSITION, MAX_TEXT, Message, datum_name, only_datum, update_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import Heard, heard_after
-from ingest.languages.tolerance.tolerant_json import document, stamp_of
+from ingest.languages.tolerance.tolerant_json import stamp_of
 from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_ends import is_under_way
+from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -28,6 +29,7 @@ from ingest.languages.vda5050.vda_messages import (
     ConnectionMessage,
     FactsheetMessage,
     Header,
+    NodePlace,
     OrderMessage,
     Position,
     StateMessage,
@@ -44,64 +46,7 @@ PREFIXES = ("uagv/v2", "vda5050/v3")
 OVERTAKEN_S = 60.0
 """A pose that is older than the newest one by more comes from a clock that was set back."""
 _TOPICS_CACHED = 65_536
-_WITH_POSE = frozenset(("state", "visualization"))
 _BROKEN = frozenset(("CONNECTIONBROKEN", "CONNECTION_BROKEN"))
-
-
-class _VdaTopic(NamedTuple):
-    """What the last parts of a topic say."""
-
-    sender: TopicSender
-    kind: str
-
-
-class VdaFrontEnd:
-    """The memory of a robot is a `VdaMemory`."""
-
-    standard = "VDA 5050, versions 2.0, 2.1 and 3.0"
-    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
-    rules: Mapping[str, Rule] = RULES
-
-    def has_topic(self, topic: str) -> bool:
-        parsed = _parsed_topic(topic)
-        return parsed is not None and parsed.kind in KINDS
-
-    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:
-        parts = product(prefixes or PREFIXES, manufacturers or ("+",), KINDS)
-        return ["/".join((*filter(None, (prefix,)), manufacturer, "+", kind)) for prefix, manufacturer, kind in parts]
-
-    def sender(self, topic: str) -> TopicSender | None:
-        parsed = _parsed_topic(topic)
-        return parsed.sender if parsed else None
-
-    def read(
-        self,
-        raw: bytes,
-        topic: str,
-        memory: VdaMemory | None,
-        names_as_uuid: str | None,  # noqa: ARG002 - named by topic
-    ) -> tuple[Message, Any]:
-        parsed, findings, before = _parsed_topic(topic), Findings(), memory or NOTHING
-        if parsed is None or parsed.kind not in KINDS:
-            reason = f"topic {topic[-60:]!r} is not MANUFACTURER/SERIAL/ and one of {', '.join(KINDS)}"
-            return Rejection("topic-unknown", reason), memory
-        try:
-            return _read(raw, parsed, before, findings)
-        except RejectedError as rejected:
-            return rejection_of(rejected, parsed.sender.uuid, findings), memory
-
-    def status(self, raw: bytes, memory: VdaMemory | None, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002
-        return status_of("", memory, Findings()) if memory else None
-
-    def superseded(self, raw: bytes, topic: str) -> bytes | None:  # noqa: ARG002
-        parsed = _parsed_topic(topic)
-        return parsed.sender.uuid.encode() if parsed and parsed.kind in _WITH_POSE else None
-
-    def has_pose(self, raw: bytes, topic: str) -> bool:  # noqa: ARG002 - the topic says it
-        return topic.rpartition("/")[2] in _WITH_POSE
-
-    def document(self, raw: bytes) -> dict[str, Any]:
-        return document(raw)
 
 
 def robot_uuid(manufacturer: str, serial: str) -> str:
@@ -110,17 +55,17 @@ def robot_uuid(manufacturer: str, serial: str) -> str:
 
 
 @lru_cache(_TOPICS_CACHED)
-def _parsed_topic(topic: str) -> _VdaTopic | None:
+def _parsed_topic(topic: str) -> Topic | None:
     """The last three parts: manufacturer, serial number and kind."""
     parts = topic.split("/")
     if len(parts) < 3 or not all(parts[-3:]):
         return None
     manufacturer, serial, kind = parts[-3:]
     uuid = robot_uuid(manufacturer, serial)
-    return _VdaTopic(TopicSender(uuid, manufacturer[:MAX_TEXT], serial[:MAX_TEXT]), kind)
+    return Topic(TopicSender(uuid, manufacturer[:MAX_TEXT], serial[:MAX_TEXT]), kind)
 
 
-def _read(raw: bytes, topic: _VdaTopic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
+def _read(raw: bytes, topic: Topic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
     kind = topic.kind
     is_first = kind not in memory.heard or kind in memory.respelt
     message = read_message(kind, raw, findings, memory.state, is_first=is_first)
@@ -185,7 +130,7 @@ def _plain(name: str) -> str:
 
 def _read_motion(
     message: VdaMotion,
-    topic: _VdaTopic,
+    topic: Topic,
     stamp: timestamps.Stamp,
     memory: VdaMemory,
     changes: dict[str, Any],
@@ -210,23 +155,33 @@ def _read_motion(
         signed_off = memory.heard.get("connection")
         if not (signed_off and stamp.t_s <= signed_off.stamp_s):
             changes |= {"connection": "ONLINE"}
-        if not isinstance(message, StateMessage):
-            position = _on_last_map(position, memory, findings)
-        path, plan = newest_plans(changes["plans"], topic.kind, stamp.t_s, position)
-        pose = VdaPose(own_stamp, position, message.velocity, path, plan)
-        memory = msgspec.structs.replace(memory, pose=pose, **changes)
+        memory = msgspec.structs.replace(memory, **changes)
+        position = _on_known_map(position, message, memory, findings)
+        path, plan = newest_plans(memory.plans, topic.kind, stamp.t_s, position)
+        memory = msgspec.structs.replace(memory, pose=VdaPose(own_stamp, position, message.velocity, path, plan))
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
 
 
-def _on_last_map(position: Position, memory: VdaMemory, findings: Findings) -> Position:
-    """The position of a visualization. One that names no map is on the robot's last one."""
-    last = memory.pose.position.map_id if memory.pose else None
-    if position.map_id or not last:
+def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:
+    """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one.
+
+    Programs that do not know yet where the robot is send zeros without a map.
+    """
+    if datum_name(position.map_id) or position.is_lost:
         return position
-    findings.note("map-missing", f"{position.key}.mapId", position.map_id, "the last one")
-    return msgspec.structs.replace(position, map_id=last)
+    places: list[NodePlace | None] = []
+    if isinstance(message, StateMessage):
+        order = order_by(memory, message)
+        places += [node.node_position for node in message.node_states or ()]
+        places += [node.place for node in order.nodes.values()] if order else []
+    last = memory.pose.position.map_id if memory.pose else None
+    known = only_datum(datum_name(place.map_id) for place in places if place) or last
+    if not known:
+        return position
+    findings.note("map-missing", f"{position.key}.mapId", position.map_id, known)
+    return msgspec.structs.replace(position, map_id=known)
 
 
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
@@ -237,3 +192,19 @@ def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | No
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
         return False
     return 0.0 < newest.t_s - stamp.t_s <= OVERTAKEN_S
+
+
+class VdaFrontEnd(TopicFrontEnd):
+    """The memory of a robot is a `VdaMemory`."""
+
+    standard = "VDA 5050, versions 2.0, 2.1 and 3.0"
+    chapters: Mapping[str, tuple[Rule, ...]] = CHAPTERS
+    rules: Mapping[str, Rule] = RULES
+    kinds, with_pose = KINDS, frozenset(("state", "visualization"))
+    form = "MANUFACTURER/SERIAL"
+    nothing = NOTHING
+    parsed, read_kind, status_of = staticmethod(_parsed_topic), staticmethod(_read), staticmethod(status_of)
+
+    def topic_filters(self, prefixes: Sequence[str], manufacturers: Sequence[str]) -> list[str]:
+        parts = product(prefixes or PREFIXES, manufacturers or ("+",), KINDS)
+        return ["/".join((*filter(None, (prefix,)), manufacturer, "+", kind)) for prefix, manufacturer, kind in parts]

@@ -57,6 +57,11 @@ class Position(VdaObject, frozen=True):
         """The key under which it stands, by what only 3.0 has."""
         return "agvPosition" if self.localized is None else "mobileRobotPosition"
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether the robot says that it does not know where it is."""
+        return (self.position_initialized if self.localized is None else self.localized) is False
+
 
 class Velocity2d(VdaObject, frozen=True):
     """Metres a second along and across the heading, and radians a second."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import chain
 from operator import attrgetter
 from typing import Any
 
@@ -80,7 +81,10 @@ def _lacks_key_of_state(required: Callable[[Any], Any], message: Any) -> bool:
 
 
 def _lacks_key_of_order(required: Callable[[Any], Any], message: Any) -> bool:
-    return lacks_required(required, message) or _lacks_key_of_node(message.nodes)
+    """The same of an order, and of the actions at its nodes."""
+    if lacks_required(required, message) or _lacks_key_of_node(message.nodes):
+        return True
+    return None in map(_BLOCKING_TYPE, chain.from_iterable(node.actions or () for node in message.nodes))
 
 
 def _lacks_key_of_node(nodes: list[Any] | None) -> bool:
@@ -94,6 +98,7 @@ def _has_loads_or(lacks_key: Callable[[Any], bool], message: StateMessage) -> bo
 
 
 _ACTION_STATUS, _ERROR_LEVEL = attrgetter("action_status"), attrgetter("error_level")
+_BLOCKING_TYPE = attrgetter("blocking_type")
 _LACKS = {"order": _lacks_key_of_order, "state": _lacks_key_of_state, "visualization": _lacks_key_of_motion}
 _LACKS_KEY: dict[str, Callable[[Any], bool]] = {
     kind: partial(_LACKS.get(kind, lacks_required), attrgetter(*keys)) for kind, keys in REQUIRED.items()

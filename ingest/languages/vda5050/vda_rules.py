@@ -65,7 +65,7 @@ _STATE = (
 )
 _WHERE = (
     Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
-    Rule("map-missing", "A position without mapId; a visualization is on the last map, a state on none.", "state"),
+    Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
     Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
     in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
     in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
@@ -81,14 +81,14 @@ _WHERE_TO = (
     Rule("sequence-ids-odd", "Sequence ids repeat, fall or begin anew; the ids and the order of nodes count.", "order"),
     Rule("edge-misfit", "An edge fits no two nodes that follow each other; not used, or by its sequence id.", "order"),
     Rule("trajectory-unreadable", "A trajectory is no clamped NURBS; not used, so that its edge is straight.", "order"),
-    Rule("trajectory-odd", "Knots do not fit the points, or all weights are 0; read as left out.", "order"),
+    Rule("trajectory-odd", "Knots misfit, or all weights are 0: read as left out. It leads back: turned.", "order"),
     Rule("curves-too-many", "Curves of an order have over 12,000 control points; further edges are straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule(
         "order-unseen", "A state names an order or node that was not heard; only what the state says is used.", "order"
     ),
     in_context("node-passed", "A state names nodes before the last one that the robot passed; left out.", "state"),
-    in_context("node-place-zero", "A state has a node at 0, 0 on no map; it is where the order says.", "state"),
+    in_context("node-place-zero", "A state has a node at 0, 0; it is where the order says.", "state"),
     in_context("order-outdated", "An update older than the order known; used while a state names it.", "order"),
     in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
     *point_rules("state"),

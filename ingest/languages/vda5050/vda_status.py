@@ -17,6 +17,7 @@ from ingest.languages.model import (
     Status,
     beyond_turn,
     bounded_codes,
+    datum_name,
     goes_on_beside,
 )
 from ingest.languages.rules import Findings
@@ -61,9 +62,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     position, stamp = pose.position, pose.stamp
     operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
     driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
-    path, basis = pose.path, Basis.PATH
-    if path is NO_PATH:
-        path, basis = driven.path, Basis.ORDER
+    basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
+    path = pose.path if driven.path is NO_PATH else driven.path
     planned = _planned_end(pose.plan, stamp.t_s)
     return Status(
         uuid,
@@ -85,7 +85,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         tuple(findings),
         path_basis=basis,
         is_blocked=_is_blocked(state, speed_mps(pose.velocity)),
-        is_lost=_is_lost(position),
+        is_lost=position.is_lost,
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
         reports_within_s=0.0 if operational == "navigating" else STANDING_REPORTS_S,
@@ -98,7 +98,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
 def datum_of(position: Position, findings: Findings) -> str:
     if not position.map_id:
         findings.note("map-missing", f"{position.key}.mapId", position.map_id, "compared with nothing")
-    return (position.map_id or "").strip().lower()
+    return datum_name(position.map_id)
 
 
 def _yaw_rad(position: Position, findings: Findings) -> float:
@@ -174,10 +174,6 @@ def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
     return (is_hindered or is_faulty) and not state.driving
-
-
-def _is_lost(position: Position) -> bool:
-    return (position.localized if position.localized is not None else position.position_initialized) is False
 
 
 def _amounts(state: StateMessage, findings: Findings) -> Amounts:

@@ -166,3 +166,19 @@ def test_another_odometry_at_the_same_time_counts_from_its_arrival() -> None:
     moved = listener.status_after(("odometry", raw))
     assert (moved.x, moved.stamp_resolution_s, moved.findings) == (6.0, inf, ("stamp-unchanged",))
     assert listener.hears("odometry", raw).findings == ("message-repeated",)
+
+
+def test_an_odometry_without_a_coordinate_system_is_in_that_of_the_robots_paths_or_in_the_last() -> None:
+    def nameless(t_s: float) -> tuple[str, bytes]:
+        return "odometry", odometry(t_s).replace(b'"ccsId": "hall"', b'"ccsId": " "')
+
+    assert IsoListener().status_after(nameless(T)).datum == ""
+    path = ("localTrajectory", trajectory(T, (T + 1, 1.0, 0.0)))
+    read = IsoListener().status_after(path, nameless(T))
+    assert (read.datum, read.findings, read.oddities[0].reading) == (CCS, ("map-missing",), CCS)
+    assert IsoListener().status_after(HERE, nameless(T + 1)).datum == CCS
+
+
+def test_outer_spaces_of_a_coordinate_system_do_not_count() -> None:
+    spaced = odometry(T).replace(b'"ccsId": "hall"', b'"ccsId": " HALL "')
+    assert IsoListener().status_after(("odometry", spaced)).datum == CCS

@@ -21,6 +21,11 @@ class Part(msgspec.Struct, rename="camel"):
     note: str | None = None
 
 
+class Spot(msgspec.Struct, rename="camel"):
+    x: float
+    y: float
+
+
 class Whole(msgspec.Struct, rename="camel"):
     length: float | None = None
     count: int | None = None
@@ -29,6 +34,7 @@ class Whole(msgspec.Struct, rename="camel"):
     level: Literal["LOW", "VERY_HIGH", "UNKNOWN"] | None = None
     part: Part | None = None
     parts: list[Part] | None = None
+    spots: list[Spot] | None = None
     names: list[str] | None = None
     timestamp: str | None = None
 
@@ -60,6 +66,15 @@ CASES: tuple[tuple[str, Any, Any, str], ...] = (
     ("part", [{"x": 1.0}], {"x": 1.0}, "single-not-list"),
     ("parts", {"x": 1.0}, [{"x": 1.0}], "single-not-list"),
     ("parts", {}, [], "single-not-list"),
+    ("parts", [[{"x": 1.0}, {"x": 2.0}]], [{"x": 1.0}, {"x": 2.0}], "single-not-list"),
+    (
+        "parts",
+        {"10": {"x": 3.0}, "2": {"x": 2.0}, "1": {"x": 1.0}},
+        [{"x": 1.0 * x} for x in (1, 2, 3)],
+        "single-not-list",
+    ),
+    ("spots", [[1, 2, 0.3], [3, 4]], [{"x": 1, "y": 2}, {"x": 3, "y": 4}], "single-not-list"),
+    ("spots", [[1, 2]], [{"x": 1, "y": 2}], "single-not-list"),
     ("names", "a", ["a"], "single-not-list"),
     ("names", [1], ["1"], "text-as-number"),
 )
@@ -219,6 +234,7 @@ def test_a_message_is_read_whatever_its_end_and_its_brackets(language: str, topi
         assert isinstance(status, Status)
         assert (status.x, status.error_codes) == (usual.x, usual.error_codes)
         assert rule in status.findings
+        assert front_end.document(sent) == front_end.document(raw)
 
 
 @pytest.mark.parametrize(

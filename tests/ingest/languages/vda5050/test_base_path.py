@@ -9,7 +9,17 @@ import pytest
 
 from ingest.batch import Basis
 from ingest.languages.model import NO_PATH, Path
-from tests.helpers.vda_saying import edge, factsheet, node, node_states, order, state, under_way, visualization
+from tests.helpers.vda_saying import (
+    edge,
+    factsheet,
+    node,
+    node_states,
+    order,
+    position,
+    state,
+    under_way,
+    visualization,
+)
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 LINE = [node(0, 0.0), node(1, 4.0), node(2, 10.0)]
@@ -193,6 +203,17 @@ def test_a_backward_edge_has_the_heading_of_its_orientation() -> None:
     assert [abs(row[3]) for row in status.path.poses] == [pytest.approx(pi)] * 2
 
 
+@pytest.mark.parametrize(("turn", "yaws"), [((10.0, 0.0), {pi}), ((4.0, 6.0), {pi, pi / 2}), ((0.0, 0.0), {pi})])
+def test_a_robot_that_drives_backwards_goes_on_so_where_it_need_not_turn(
+    turn: tuple[float, float], yaws: set[float]
+) -> None:
+    nodes = [node(0, 0.0), node(1, 4.0), node(2, *turn)]
+    keys = {"agvPosition": position(1.0, theta=pi), "velocity": {"vx": -1.0}}
+    status = Listener().status_after(("order", order(T, nodes)), ("state", under_way(T, 1.0, 0.0, nodes[1:], **keys)))
+    driven = [row for before, row in pairwise(status.path.poses) if before[1:3] != row[1:3]]
+    assert {abs(round(row[3], 6)) for row in (status.path.poses[0], *driven)} == {round(yaw, 6) for yaw in yaws}
+
+
 def test_a_node_on_another_map_is_on_that_map() -> None:
     upstairs = {"x": 5.0, "y": 0.0, "mapId": "Loft"}
     nodes = [node(0, 0.0), node(1, 4.0), {**node(2, 5.0), "nodePosition": upstairs}]
@@ -303,7 +324,7 @@ def test_nodes_that_are_passed_but_still_named_do_not_send_the_robot_back() -> N
     ("place", "y_m", "findings"),
     [
         ({"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": ""}, 3.0, ("node-place-zero",)),
-        ({"x": 0.0, "y": 0.0, "mapId": "hall"}, 0.0, ()),
+        ({"x": 0.0, "y": 0.0, "mapId": "hall"}, 3.0, ("node-place-zero",)),
         ({"x": 0.0, "y": 5.0}, 5.0, ()),
     ],
 )

@@ -153,3 +153,24 @@ def test_edges_between_the_same_nodes_cost_no_time_for_each_pair() -> None:
     ComparedId.comparisons = 0
     assert len(edges_by_end(numbered, edges, Findings())) == 299
     assert ComparedId.comparisons < 30_000
+
+
+def test_edges_name_nodes_in_another_case_too() -> None:
+    nodes = [node(0, 0.0), node(1, 4.0), node(2, 9.0)]
+    edges = [edge(0, sequenceId=9, maxSpeed=0.5), edge(1, sequenceId=9, maxSpeed=0.5)]
+    usual = path_by(nodes, edges, states_of(nodes[1:]), 0)
+    assert usual.path.most == (0.5, 0.5)
+    upper = [
+        {**each, "startNodeId": each["startNodeId"].upper(), "endNodeId": f"{each['endNodeId']} "} for each in edges
+    ]
+    found = Listener().hears("order", order(T - 1, nodes, upper))
+    assert found.findings == ()
+    assert path_by(nodes, upper, states_of(nodes[1:]), 0).path.most == usual.path.most
+
+
+@pytest.mark.parametrize(("keys", "count"), [({}, 2), ({"driving": False}, 0), ({"lastNodeId": "n7"}, 0)])
+def test_a_robot_under_way_without_node_states_is_on_its_order(keys: dict[str, Any], count: int) -> None:
+    nodes = [node(0, 0.0), node(1, 4.0), node(2, 9.0)]
+    report = under_way(T, 1.0, 0.0, nodes[1:], nodeStates=None, velocity={"vx": 1.0}, **keys)
+    status = Listener().status_after(("order", order(T - 1, nodes)), ("state", report))
+    assert len(status.path.poses) == count

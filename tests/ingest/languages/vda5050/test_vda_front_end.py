@@ -8,9 +8,9 @@ from ingest.languages.front_ends import FRONT_ENDS, language_of_topic
 from ingest.languages.model import NO_PATH, Rejection, Status, Update
 from ingest.languages.timestamps import write
 from ingest.languages.tolerance import tolerant_json
-from ingest.languages.tolerance.heard import STEPPED_BACK
+from ingest.languages.tolerance.heard import RESTARTED, STEPPED_BACK
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
-from tests.helpers.vda_saying import node, order, position, state, state_3, topic, vda, visualization
+from tests.helpers.vda_saying import node, order, position, state, state_3, topic, under_way, vda, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 
@@ -70,6 +70,15 @@ def test_a_robot_whose_clock_was_set_back_is_placed_by_each_message(back_s: floa
         assert (moved.x, moved.findings) == (1.0 + step, ())
         moved = listener.hears("visualization", visualization(t_s, 1.5 + step, 0.0, headerId=70 + step))
         assert isinstance(moved, Status)
+
+
+def test_a_robot_that_counts_anew_with_an_older_clock_is_heard_after_some_messages() -> None:
+    listener = Listener()
+    listener.hears("state", state(T, 1.0, headerId=5000))
+    older = [listener.hears("state", state(T - 3600 + s, 2.0 + s, headerId=s)) for s in range(RESTARTED)]
+    assert {message.findings for message in older[:-1]} == {("message-reordered",)}
+    assert isinstance(older[-1], Status)
+    assert listener.status_after(("state", state(T - 3500, 50.0, headerId=RESTARTED))).x == 50.0
 
 
 @pytest.mark.parametrize("number", [None, 0])
@@ -187,6 +196,14 @@ def test_a_key_of_an_item_in_another_spelling_is_read_after_an_empty_list(
     assert listener.status_after(("state", mixed)).linear_mps == 0.5
 
 
+def test_an_action_in_another_spelling_is_read_after_an_order_without_actions() -> None:
+    lift = [{"action_id": "a", "actionType": "pick", "blocking_type": "HARD"}]
+    first, then = [node(0, 0.0), node(1, 4.0)], [node(1, 4.0), node(2, 8.0, actions=lift), node(3, 12.0)]
+    ordered = ("order", order(T, first)), ("order", order(T + 1, then, orderUpdateId=1))
+    status = Listener().status_after(*ordered, ("state", under_way(T + 2, 5.0, 0.0, then[1:])))
+    assert (status.path.poses[-1][1], status.path.ends_in_stop) == (8.0, True)
+
+
 def test_a_usual_message_is_not_read_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     listener = Listener()
     items: dict[str, Any] = {"loads": [{"loadId": "7"}], "nodeStates": [NODE], "actionStates": [], "errors": [FATAL]}
@@ -258,4 +275,18 @@ def test_a_visualization_without_a_map_is_on_the_last_one() -> None:
     assert Listener().status_after(("visualization", nameless)).datum == ""
     read = Listener().status_after(("state", state(T)), ("visualization", nameless))
     assert (read.x, read.datum, read.findings) == (1.0, "hall", ("map-missing",))
-    assert read.oddities[0].reading == "the last one"
+    assert read.oddities[0].reading == "hall"
+
+
+@pytest.mark.parametrize(("other_map", "datum"), [("hall", "hall"), ("attic", "")])
+def test_a_state_without_a_map_is_on_that_of_its_nodes_and_then_on_the_last_one(other_map: str, datum: str) -> None:
+    place = {"x": 4.0, "y": 0.0, "mapId": other_map}
+    nodes = [node(0, 0.0), node(1, None, nodePosition=place)]
+    nameless: dict[str, Any] = {"agvPosition": position(1.0, mapId=None)}
+    listener = Listener()
+    listener.hears("order", order(T, nodes))
+    driving = listener.status_after(("state", under_way(T + 1, 1.0, 0.0, nodes[1:], **nameless)))
+    assert (driving.datum, driving.findings[0]) == (datum, "map-missing")
+    assert listener.status_after(("state", state(T + 2, orderId="", **nameless))).datum == datum
+    lost = position(mapId=None, positionInitialized=False)
+    assert listener.status_after(("state", state(T + 3, agvPosition=lost))).datum == ""

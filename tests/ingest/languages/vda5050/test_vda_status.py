@@ -207,7 +207,7 @@ def test_a_robot_that_plans_by_itself_has_its_own_path() -> None:
     polyline = [{"x": 1.0, "y": 0.0, "eta": write(T + 1)}, {"x": 3.0, "y": 1.0, "eta": write(T + 3), "theta": 0.5}]
     curve = {"trajectory": {"controlPoints": [{"x": 0.0, "y": 0.0}, {"x": 9.0, "y": 9.0}]}}
     read = status_3(driving=True, intermediatePath={"polyline": polyline}, plannedPath=curve)
-    assert [row[:3] for row in read.path.poses] == [(T + 1, 1.0, 0.0), (T + 3, 3.0, 1.0)]
+    assert [row[:3] for row in read.path.poses[:2]] == [(T + 1, 1.0, 0.0), (T + 3, 3.0, 1.0)]
     assert read.path_basis is Basis.PATH
     assert read.destinations.poses[0][1:3] == (9.0, 9.0)
 
