@@ -1,13 +1,17 @@
 """Which standing robots are in the way of others."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 
 from deconflict.contention.waiting.wait_graph import NearbyBoxes, hindrances
 from tests.deconflict.contention.scenes import NOW_S, Scene, Script, site
 
 LEVELS, ROBOTS = 12, 6
+Shapes = NDArray[np.object_]
 
 
 def test_only_ways_and_bodies_at_one_height_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,12 +27,12 @@ def test_only_ways_and_bodies_at_one_height_are_measured(monkeypatch: pytest.Mon
     measured = list[int]()
     dwithin, query = shapely.dwithin, shapely.STRtree.query
 
-    def counted(a: object, b: object, *args: object) -> object:
+    def counted(a: Shapes, b: Shapes, *args: Any) -> Any:
         measured.append(np.broadcast(a, b).size)
         return dwithin(a, b, *args)
 
-    def counted_query(self: shapely.STRtree, geometry: object, *args: object, **named: object) -> object:
-        measured.append(len(self) * np.size(geometry))
+    def counted_query(self: shapely.STRtree, geometry: Shapes, *args: Any, **named: Any) -> Any:
+        measured.append(len(self) * len(geometry))
         return query(self, geometry, *args, **named)
 
     monkeypatch.setattr(shapely, "dwithin", counted)
