@@ -41,10 +41,8 @@ class Refusals:
         if robot in robots and other is not None and other in robots:
             held_up = standing.held_up_by(robot)
             first = (other, *sorted(held_up - {other})[: MOST_HELD_UP - 1])
-            others = tuple(
-                _held_up(uuid, robots, is_mutual=uuid in held_up and robot in standing.held_up_by(uuid))
-                for uuid in first
-            )
+            mutual = held_up & standing.stands_for(robot)
+            others = tuple(_held_up(uuid, robots, is_mutual=uuid in mutual) for uuid in first)
             self._open[robot] = AdviceRefusal(robot, advice.vendor, unable, now_s, now_s, others)
 
     def end_all(self) -> None:

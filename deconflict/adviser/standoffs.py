@@ -1,10 +1,8 @@
 """Robots that stand in each other's way: who waits for whom, and since when."""
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 
@@ -57,6 +55,8 @@ class Standing:
     """Robots that stand for each other, each for the next and the last for the first."""
 
     crossings: list[Crossing] = field(default_factory=list)
+    _behind: dict[str, int] = field(default_factory=dict, init=False, compare=False)
+    """By robot, how many stand behind it, once that was asked."""
 
     @cached_property
     def in_rings(self) -> set[str]:
@@ -81,21 +81,34 @@ class Standing:
 
     def behind(self, robot: str) -> int:
         """How many robots stand for a robot, or for one that stands for it; at most `MOST_QUEUED`."""
-        return len(self._robots_behind(robot)) - 1
+        if robot not in self._behind:
+            self._behind[robot] = len(self._robots_behind(robot)) - 1
+        return self._behind[robot]
 
     def held_up_by(self, robot: str) -> set[str]:
         """The robots that stand for a robot, or for one that stands for it; also before a free crossing. At most
         `MOST_QUEUED` of each robot."""
         return set().union(*map(self._robots_behind, (robot, *self.facing.get(robot, ())))) - {robot}
 
+    def stands_for(self, robot: str) -> set[str]:
+        """The robots for which a robot stands, itself or through others: those that have it in `held_up_by`, if no
+        queue is longer than `MOST_QUEUED`."""
+        at, found = robot, {robot}
+        while (each := self.waiting.get(at)) and each.other not in found and len(found) <= MOST_QUEUED:
+            at = each.other
+            found.add(at)
+        return found.union(*(self.facing.get(uuid, ()) for uuid in found)) - {robot}
+
     def _robots_behind(self, robot: str) -> set[str]:
         """A robot, and the first `MOST_QUEUED` that stand for it, or for one that stands for it."""
-        found, to_do = {robot}, deque([robot])
-        while to_do:
-            behind = (name for name in self._stand_for.get(to_do.popleft(), ()) if name not in found)
-            new = list(islice(behind, MOST_QUEUED + 1 - len(found)))
-            found.update(new)
-            to_do += new
+        found, to_do, stand_for = {robot}, [robot], self._stand_for
+        for at in to_do:
+            for name in stand_for.get(at, ()):
+                if len(found) > MOST_QUEUED:
+                    return found
+                if name not in found:
+                    found.add(name)
+                    to_do.append(name)
         return found
 
     def last_behind(self, robot: str, but: set[str]) -> list[str]:

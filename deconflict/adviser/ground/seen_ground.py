@@ -26,7 +26,8 @@ KEPT_SQUARES = 200_000
 """Kept over a restart, those of the sizes that were seen last."""
 _ROW, _FIRST = 2**32, -(2**30)
 """Squares are numbered along y, then along x, from this one on."""
-_Steps = Annotated[int, Field(ge=0, le=10**4)]
+MOST_STEPS = 10**4
+_Steps = Annotated[int, Field(ge=0, le=MOST_STEPS)]
 _Square = Annotated[int, Field(ge=0, lt=2**63)]
 FORM = Form(
     f"squares of {SQUARE_M:g} m on which a body was, numbered from {_FIRST} along y and in rows of {_ROW} along x, by "
@@ -41,7 +42,8 @@ class Size(NamedTuple):
     length: int
     width: int
     top: int
-    """0 if it is not known: such bodies are seen where any was, and say nothing of the height."""
+    """0 if it is not known, or the body is below the floor's height 0: such bodies are seen where any was, and say
+    nothing of the height."""
 
 
 @dataclass(slots=True)
@@ -119,7 +121,7 @@ def size_of(robots: RobotTable, robot: str) -> Size:
     """The size of a robot with what it carries."""
     body = robots[robot]
     measures = (body.length_m, body.width_m, body.top_m if np.isfinite(body.top_m) else 0.0)
-    return Size._make(int(measure_m / SIZE_M + 1e-6) for measure_m in measures)
+    return Size._make(min(max(int(measure_m / SIZE_M + 1e-6), 0), MOST_STEPS) for measure_m in measures)
 
 
 def _is_large(size: Size) -> bool:

@@ -227,12 +227,10 @@ class Grouping:
         self._index(into)
 
     def _neighbours(self, member: Member) -> list[Group]:
-        """Groups that may take it: near, or of the same robots or place. In the order of their ids."""
-        near = {
-            other
-            for cell in _cells(member.datum, Box().including(member.x_m, member.y_m), 1)
-            for other in self._near.get(cell, ())
-        }
+        """Groups that may take it: of the same robots or place, and for a conflict those near it. In the order of their
+        ids."""
+        cells = _cells(member.datum, Box().including(member.x_m, member.y_m), 1) if member.is_conflict else ()
+        near = {other for cell in cells for other in self._near.get(cell, ())}
         named = {other for name in (*member.robots, member.place) for other in self._with_name.get(name, ())}
         return [self.groups[other] for other in sorted(near | named)]
 

@@ -18,6 +18,9 @@ _FLOATS, _INTS, _BOOLS = (
     numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64, numba.boolean)
 )
 
+MOST_TURNS = 500
+"""At one place: the time that they take grows with their square."""
+
 
 class QueueEntry(NamedTuple):
     """One robot that has a place or will want it. Entries sort in the order of service. Times are since the epoch."""
@@ -113,10 +116,10 @@ def forecast_queues(
 
     Robots inside beyond the capacity keep their turns. No other turn begins until fewer than `capacity` robots are
     left, nor within the place's changeover time of the turn before. Robots that pass above or below each other do not
-    take each other's room.
+    take each other's room. Of a longer queue the first `MOST_TURNS` count.
     """
     places = sorted(wanted)
-    by_place = [sorted(wanted[place]) for place in places]
+    by_place = [sorted(wanted[place])[:MOST_TURNS] for place in places]
     start = list(accumulate(map(len, by_place), initial=0))
     columns = zip(*chain.from_iterable(by_place), strict=True) if by_place else ((),) * len(QueueEntry._fields)
     coming, arrival_s, _, service_s, _, bottom_m, top_m = columns

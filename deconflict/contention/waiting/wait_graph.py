@@ -222,10 +222,11 @@ def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hi
         return []
     going, standing = (np.unique(slots) for slots in near)
     paths, outlines = np.array(robots.paths(going.tolist())), robots.outlines(standing.tolist())
-    reach = np.maximum(robots.records["width_m"][going] / 2 - LEAST_M, LEAST_M)
-    row, column = shapely.STRtree(outlines).query(paths, predicate="dwithin", distance=reach)
-    may_meet = np.isin(going[row] << 32 | standing[column], near[0] << 32 | near[1])
-    row, slots, others = row[may_meet], going[row[may_meet]], standing[column[may_meet]]
+    shapely.prepare(paths)
+    row, column = np.searchsorted(going, near[0]), np.searchsorted(standing, near[1])
+    reach_m = np.maximum(robots.records["width_m"][near[0]] / 2 - LEAST_M, LEAST_M)
+    is_in_way = shapely.dwithin(paths[row], outlines[column], reach_m)
+    row, slots, others = row[is_in_way], near[0][is_in_way], near[1][is_in_way]
     centres = shapely.points(robots.records["x_m"][others], robots.records["y_m"][others])
     along_m = shapely.line_locate_point(paths[row], centres)
     kept = nearest_of_each(row, along_m, MOST_IN_WAY)

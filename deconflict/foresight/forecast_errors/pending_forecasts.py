@@ -117,6 +117,7 @@ class PendingForecasts:
         first of these seconds. At least one robot of each pair `has_news`, and none `is_left_out`; one that `waits` may
         stay where it was reported, while the other goes. The lower in `rank` comes first. These arrays are by slot."""
         seconds, reports = int(horizon_s) + 1, (self.history.around, reach_m, self.newest, self.history.track)
+        slots = slots[(self.newest[slots, 4] >= 0.0) | (self.history.track[slots, :, 3] >= 0.0).any(axis=1)]
         return candidate_pairs.find_pairs(
             has_news, is_left_out, waits, slots, rank, *reports, now_s, seconds, ROUNDING_M
         )

@@ -9,9 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+import shapely
 
 from deconflict.foresight.interactions.progress_kernels import BRAKED, RESUMED, Findings
 from deconflict.foresight.interactions.recent_reports import InteractionReports, RecentReports
@@ -38,8 +39,32 @@ SETTLED_S = 20.0
 """Within this time after the onset it shows whether a pair of one vendor keeps an order; else it stays unknown."""
 
 
-_Bodies = tuple[tuple[Ints, Floats, Floats], Floats, Floats]
-"""All robots as in `RecentReports.places`; by slot half sides and levels as in `InteractionFinder.receive`."""
+class _Bodies(NamedTuple):
+    """All robots, as in `RecentReports.places`."""
+
+    known: Ints
+    place: Floats
+    speed_mps: Floats
+    radius_m: Floats
+    """(n,) of the circle around each."""
+    tree: shapely.STRtree
+    """Their places."""
+
+    @classmethod
+    def of(cls, places: tuple[Ints, Floats, Floats], half_m: Floats) -> Self:
+        known, place, speed_mps = places
+        tree = shapely.STRtree(shapely.points(place[:, :2]))
+        return cls(known, place, np.minimum(speed_mps, FASTEST_MPS), np.hypot(*half_m[:, known]), tree)
+
+    def within(self, own: int, reach_m: float, for_s: float) -> tuple[Ints, Floats]:
+        """(n,) the rows of the others, ascending, whose bodies may have been within a distance of that of the row `own`
+        in a time; and how far away their places are."""
+        most_m = reach_m + float(self.radius_m[own] + self.radius_m.max() + self.speed_mps.max() * for_s)
+        rows = np.sort(self.tree.query(shapely.Point(self.place[own, :2]), "dwithin", most_m))
+        away_m = np.hypot(*(self.place[rows, :2] - self.place[own, :2]).T)
+        is_near = away_m < reach_m + self.radius_m[own] + self.radius_m[rows] + self.speed_mps[rows] * for_s
+        is_near &= rows != own
+        return rows[is_near], away_m[is_near]
 
 
 class InteractionOutcome(IntEnum):
@@ -152,8 +177,8 @@ class InteractionFinder:
         heard_s = dict(zip(slots.tolist(), reports.event_s.tolist(), strict=True))
         unsettled = [slot for slot in heard_s if slot in self._open and not self._open[slot].settled]
         if unsettled:
-            bodies = self.recent.places(), half_m, levels_m
-            found += [self._update_open(slot, self._open[slot], heard_s[slot], bodies, vendor) for slot in unsettled]
+            bodies, of_slot = _Bodies.of(self.recent.places(), half_m), (half_m, levels_m, vendor)
+            found += [self._update_open(slot, self._open[slot], heard_s[slot], bodies, *of_slot) for slot in unsettled]
         return [interaction for interaction in found if interaction is not None]
 
     def giving_way(self) -> dict[int, int]:
@@ -170,11 +195,18 @@ class InteractionFinder:
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
-        self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies, vendor: Ints
+        self,
+        slot: int,
+        interaction: _OpenInteraction,
+        now_s: float,
+        bodies: _Bodies,
+        half_m: Floats,
+        levels_m: Floats,
+        vendor: Ints,
     ) -> Interaction | None:
         """Look for the robot in the way of one that gives way. None if nothing is new."""
         if interaction.other < 0:
-            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, bodies)
+            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, bodies, half_m, levels_m)
             if interaction.other < 0:
                 interaction.settled = now_s > interaction.onset_s + interaction.doubt_s + SEARCHED_S
                 return None
@@ -209,21 +241,27 @@ class InteractionFinder:
         back, ended_s = self._open.get(interaction.other), self._ended_s.get(_pair(slot, interaction.other), -inf)
         return ended_s >= interaction.onset_s - APART_S or (back is not None and back.other == slot)
 
-    def _in_the_way(self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies) -> tuple[int, float]:
+    def _in_the_way(
+        self,
+        slot: int,
+        interaction: _OpenInteraction,
+        now_s: float,
+        bodies: _Bodies,
+        half_m: Floats,
+        levels_m: Floats,
+    ) -> tuple[int, float]:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
         none."""
-        (known, place, speed_mps), half_m, levels_m = bodies
-        own = np.flatnonzero(known == slot)
-        if not len(own):  # it has rested since, and its reports are no longer kept
+        known, own = bodies.known, int(np.searchsorted(bodies.known, slot))
+        if own == len(known) or known[own] != slot:  # it has rested since, and its reports are no longer kept
             return -1, inf
-        away_m = np.hypot(*(place[:, :2] - place[own[0], :2]).T)
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
-        sizes_m = np.hypot(*half_m[:, known]) + np.hypot(*half_m[:, slot])
-        moved_m = np.minimum(speed_mps, FASTEST_MPS) * (now_s - interaction.onset_s + EARLIER_S)
-        is_near = (away_m < reach_m + sizes_m + moved_m) & (place[:, 2] == interaction.floor) & (known != slot)
-        rows = np.flatnonzero(is_near & heights_overlap(*levels_m[:, known], *levels_m[:, slot]))
+        rows, away_m = bodies.within(own, reach_m, now_s - interaction.onset_s + EARLIER_S)
+        may_meet = heights_overlap(*levels_m[:, known[rows]], *levels_m[:, slot])
+        may_meet &= bodies.place[rows, 2] == interaction.floor
+        rows, away_m = rows[may_meet], away_m[may_meet]
         if len(rows) > MOST_NEAR:
-            rows = np.sort(rows[np.argpartition(away_m[rows], MOST_NEAR)[:MOST_NEAR]])
+            rows = np.sort(rows[np.argpartition(away_m, MOST_NEAR)[:MOST_NEAR]])
         others = known[rows]
         if not len(others):
             return -1, inf

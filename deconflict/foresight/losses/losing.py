@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner
+from ingest.kernels import inner, kernel
 
 RESTS, WAITS, GOES, HALTS = range(4)
 """What a robot says of itself: it is not on its way, it waits, it is on its way, or it waits and does not name its
@@ -21,6 +21,8 @@ APART_S = 6.0
 """Reports further apart do not tell how much time was lost."""
 MOST_NEAR = 64
 """Of the robots near another one so many are looked at, the nearest. Only side by side do more have room there."""
+SQUARE_M, SQUARES = 8.0, 1 << 24
+"""Side of a square of a floor, and more squares than are side by side on any."""
 
 LOSING = np.dtype(
     [
@@ -89,22 +91,43 @@ class KnownRobots(NamedTuple):
     """(rows, k, 3) the newest forecast by which the robot moves."""
     has_way: Bools
     """(rows,)"""
+    cell: Ints
+    """(rows,) the squares of the newest reports, ascending, see `square`."""
+    by_cell: Ints
+    """(rows,) whose they are."""
 
 
-_INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
+_INTS, _MATRIX, _TRACKS = numba.int64[::1], numba.float64[:, ::1], numba.float64[:, :, :, ::1]
 KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
     (
         *[_INTS] * 2,
         _MATRIX,
-        numba.float64[:, :, :, ::1],
+        _TRACKS,
         *[_MATRIX] * 3,
         _INTS,
         numba.float64[:, :, ::1],
         numba.boolean[::1],
+        *[_INTS] * 2,
     ),
     KnownRobots,
 )
 """The type of `KnownRobots` in kernels."""
+
+
+@inner
+def square(floor: float, column: float, row: float) -> int:
+    """The number of a square of `SQUARE_M`. Those of a floor and column are in the order of their rows."""
+    return (int(floor) * SQUARES + int(column)) * SQUARES + int(row)
+
+
+@kernel(_INTS(_INTS, _TRACKS, _MATRIX))
+def squares(newest: Ints, tracks: Floats, floor: Floats) -> Ints:
+    """(rows,) the squares of the newest reports."""
+    found = np.empty(len(newest), np.int64)
+    for row, at in enumerate(newest):
+        x_m, y_m = tracks[row, at, 0, 0], tracks[row, at, 0, 1]
+        found[row] = square(floor[row, at], x_m // SQUARE_M, y_m // SQUARE_M)
+    return found
 
 
 @inner
@@ -114,13 +137,16 @@ def nearest_rows(robots: KnownRobots, slot: int, x_m: float, y_m: float, reach_m
     `reach_m`."""
     rows, away_m, n = np.empty(len(robots.newest), np.int64), np.empty(len(robots.newest)), 0
     floor, levels_m = robots.floor[slot, robots.newest[slot]], robots.levels_m
-    for other in range(len(robots.newest)):
-        if other == slot or robots.reports[other] == 0 or robots.floor[other, robots.newest[other]] != floor:
-            continue
-        if levels_m[0, slot] > levels_m[1, other] or levels_m[0, other] > levels_m[1, slot]:
-            continue
-        here = robots.tracks[other, robots.newest[other], 0]
-        if abs(here[0] - x_m) <= reach_m and abs(here[1] - y_m) <= reach_m:
-            rows[n], away_m[n] = other, hypot(here[0] - x_m, here[1] - y_m)
-            n += 1
+    for column in range(int((x_m - reach_m) // SQUARE_M), int((x_m + reach_m) // SQUARE_M) + 1):
+        begin = np.searchsorted(robots.cell, square(floor, column, (y_m - reach_m) // SQUARE_M))
+        end = np.searchsorted(robots.cell, square(floor, column, (y_m + reach_m) // SQUARE_M), side="right")
+        for other in robots.by_cell[begin:end]:
+            if other == slot or robots.reports[other] == 0:
+                continue
+            if levels_m[0, slot] > levels_m[1, other] or levels_m[0, other] > levels_m[1, slot]:
+                continue
+            here = robots.tracks[other, robots.newest[other], 0]
+            if abs(here[0] - x_m) <= reach_m and abs(here[1] - y_m) <= reach_m:
+                rows[n], away_m[n] = other, hypot(here[0] - x_m, here[1] - y_m)
+                n += 1
     return rows[:n][np.argsort(away_m[:n], kind="mergesort")[:MOST_NEAR]]

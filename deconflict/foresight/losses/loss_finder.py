@@ -12,7 +12,7 @@ from deconflict.foresight.history_rows import with_rows
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionFinder
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S
 from deconflict.foresight.interactions.recent_reports import interaction_reports
-from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS, KnownRobots
+from deconflict.foresight.losses.losing import LOSING, ORDER, RESTS, KnownRobots, squares
 from deconflict.foresight.losses.loss import NOBODY, Loss, LossKind, kind_of, root_of
 from deconflict.foresight.losses.loss_kernels import REFERENCES, lost_times
 from deconflict.foresight.losses.travel_states import travel_states
@@ -169,9 +169,11 @@ class LossFinder:
 
     def _known(self, half_m: Floats, levels_m: Floats, vendor: Ints) -> KnownRobots:
         recent = self._interactions.recent
-        slots = recent.rows.slots
+        slots, newest = recent.rows.slots, np.ascontiguousarray(recent.states["newest"])
+        cell = squares(newest, recent.tracks, recent.floor)
+        by_cell = np.argsort(cell, kind="stable")
         return KnownRobots(
-            newest=np.ascontiguousarray(recent.states["newest"]),
+            newest=newest,
             reports=np.ascontiguousarray(recent.states["reports"]),
             t_s=recent.t_s,
             tracks=recent.tracks,
@@ -181,6 +183,8 @@ class LossFinder:
             vendor=vendor[slots],
             ways=self._ways,
             has_way=self._has_way,
+            cell=cell[by_cell],
+            by_cell=by_cell,
         )
 
     def _update(self, row: int, lost: Any, robots: KnownRobots) -> None:

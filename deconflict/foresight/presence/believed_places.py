@@ -169,7 +169,7 @@ class BelievedPlaces:
         if not self._places:
             return []
         leg, place = near = self._near(batch, legs, within_m)
-        apart_m, shares = self._apart_m(batch, legs, near, 1.0)
+        apart_m, shares = self._apart_m(batch, legs, near, 1.0, beyond_m=within_m)
         is_within = apart_m <= within_m
         found = []
         for row in np.flatnonzero(is_within.any(axis=1)).tolist():
@@ -196,9 +196,9 @@ class BelievedPlaces:
         near, place = np.concatenate([tree.within(points, reach_m[some]) for tree in trees], axis=1)
         by_leg = np.lexsort((place, near))
         leg, place = some[near[by_leg]], place[by_leg]
-        away_m = np.hypot(self._columns[0][place] - x_m[leg], self._columns[1][place] - y_m[leg])
+        _, away_m = _nearest(legs, leg, *self._columns[:2, place])
         may_be = legs.floor[leg, 1] == self._columns[3][place]
-        may_be &= away_m <= reach_m[leg] + self._columns[9][place] - self._columns[9].max()
+        may_be &= away_m <= own_m[leg] + self._columns[9][place] + beyond_m
         may_be &= self._is_beside(batch, legs, (leg, place))
         leg, place = leg[may_be], place[may_be]
         kept = np.sort(nearest_of_each(leg, away_m[may_be], MOST_NEAR))
@@ -227,10 +227,17 @@ class BelievedPlaces:
         return through
 
     def _apart_m(
-        self, batch: Batch, legs: Legs, near: tuple[Ints, Ints], scale: float, doubt_m: Floats | float = 0.0
+        self,
+        batch: Batch,
+        legs: Legs,
+        near: tuple[Ints, Ints],
+        scale: float,
+        doubt_m: Floats | float = 0.0,
+        beyond_m: float = 0.0,
     ) -> tuple[Floats, Floats]:
         """(n, m) distances of the scaled outlines at m samples of each leg, and (n, m) the samples as parts of the leg.
-        The outlines of the places are made smaller by `doubt_m`."""
+        The outlines of the places are made smaller by `doubt_m`. Each leg is sampled where they may come within
+        `beyond_m` of each other."""
         leg, place = near
         if not len(leg):
             return np.empty((0, 1)), np.empty((0, 1))
@@ -238,7 +245,8 @@ class BelievedPlaces:
         x_m, y_m, yaw_rad, _, *half_m = self._columns[:6, place]
         own_m = scale * np.stack([forecasts.length_m[rows], forecasts.width_m[rows]]) / 2
         places_m = np.maximum(scale * np.stack(half_m) - doubt_m, 0.0)
-        shares, at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg)
+        reach_m = np.hypot(*own_m) + self._columns[9, place] + beyond_m
+        shares, at_x_m, at_y_m, at_yaw_rad = _sampled(legs, leg, (x_m, y_m), reach_m)
         yaws_rad = np.broadcast_to(yaw_rad[:, None], at_yaw_rad.shape)
         between_m = x_m[:, None] - at_x_m, y_m[:, None] - at_y_m
         return signed_gap(*between_m, at_yaw_rad, yaws_rad, own_m, places_m), shares
@@ -270,16 +278,34 @@ def _is_joined(legs: Legs) -> Bools:
     return (legs.took_s <= JOINED_S) & (legs.floor[:, 0] == legs.floor[:, 1])
 
 
-def _sampled(legs: Legs, leg: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """Samples along the legs: their parts of the leg, x_m, y_m and yaw_rad, each (n, m).
+def _nearest(legs: Legs, leg: Ints, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
+    """After which part of each leg (n,) the robot is nearest to a point (n,), and how far away it then is. If the way
+    of a leg is not known, that is its end."""
+    from_x_m, from_y_m = legs.x_m[leg, 0], legs.y_m[leg, 0]
+    way_x_m, way_y_m = legs.x_m[leg, 1] - from_x_m, legs.y_m[leg, 1] - from_y_m
+    along_m2 = (x_m - from_x_m) * way_x_m + (y_m - from_y_m) * way_y_m
+    share = np.clip(along_m2 / np.maximum(way_x_m**2 + way_y_m**2, MOVED_M**2), 0.0, 1.0)
+    share = np.where(_is_joined(legs)[leg], share, 1.0)
+    return share, np.hypot(from_x_m + share * way_x_m - x_m, from_y_m + share * way_y_m - y_m)
+
+
+def _sampled(
+    legs: Legs, leg: Ints, places_m: tuple[Floats, Floats], reach_m: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Samples along the parts of the legs that are within `reach_m` (n,) of x and y of a place (n,) each: their parts
+    of the leg, x_m, y_m and yaw_rad, each (n, m).
 
     If the way of a leg is not known, all its samples are at its end.
     """
     x_m, y_m, yaw_rad = legs.x_m[leg], legs.y_m[leg], legs.yaw_rad[leg]
-    is_joined = _is_joined(legs)[leg][:, None]
-    longest_m = float(np.where(is_joined, np.hypot(np.diff(x_m), np.diff(y_m)), 0.0).max())
-    shares = np.linspace(0.0, 1.0, min(ceil(longest_m / STEP_M), MOST_STEPS - 1) + 1)
-    shares = np.where(is_joined, shares, 1.0)
-    turns = np.array([turn_between(*yaws) for yaws in yaw_rad.tolist()])
+    long_m = np.where(_is_joined(legs)[leg], np.hypot(*np.diff([x_m, y_m])[..., 0]), 0.0)
+    nearest, _ = _nearest(legs, leg, *places_m)
+    within = reach_m / np.maximum(long_m, MOVED_M) * (long_m > 0.0)
+    first, last = np.maximum(nearest - within, 0.0), np.minimum(nearest + within, 1.0)
+    longest_m = float(((last - first) * long_m).max())
+    steps = np.linspace(0.0, 1.0, min(ceil(longest_m / STEP_M), MOST_STEPS - 1) + 1)
+    shares = first[:, None] + steps * (last - first)[:, None]
+    of_leg, of_pair = np.unique(leg, return_inverse=True)
+    turns = np.array([turn_between(*yaws) for yaws in legs.yaw_rad[of_leg].tolist()])[of_pair]
     at = [column[:, :1] + shares * np.diff(column) for column in (x_m, y_m)]
     return shares, at[0], at[1], yaw_rad[:, :1] + shares * turns[:, None]

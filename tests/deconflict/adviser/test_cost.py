@@ -10,6 +10,8 @@ import pytest
 from deconflict.adviser import Request
 from deconflict.adviser.ground import goals
 from deconflict.adviser.ground.tracks import Tracks
+from deconflict.adviser.standoffs import Standing
+from tests.deconflict.adviser.advised_floor import AdvisedFloor
 from tests.deconflict.adviser.floors import LOWER, Floor, Robot, face_to_face
 
 
@@ -78,3 +80,25 @@ def test_robots_for_which_no_place_was_looked_for_come_first_in_the_next_step(mo
     requests = floor.seconds(25, lambda _: ("declined", "cannot"))
     asked = {request.robot for request in requests}
     assert all(asked & {left.uuid, right.uuid} for left, right in pairs)
+
+
+def test_of_a_long_line_of_robots_that_do_not_answer_each_queue_is_counted_a_few_times(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each of a hundred stands behind the next, and most of them refuse by silence in one second."""
+    behind, counts = getattr(Standing, "_robots_behind"), list[str]()  # noqa: B009
+
+    def counted(self: Standing, robot: str) -> set[str]:
+        counts.append(robot)
+        found: set[str] = behind(self, robot)
+        return found
+
+    monkeypatch.setattr(Standing, "_robots_behind", counted)
+    floor = AdvisedFloor([Robot(f"q{k}", ("Larch", "Rowan")[k % 2], 1.6 * k, 0.0, 0.0) for k in range(100)])
+    most = 0
+    for _ in range(25):
+        counts.clear()
+        floor.run(1)
+        most = max(most, len(counts))
+    assert floor.refusals
+    assert most <= 4 * len(floor.robots)

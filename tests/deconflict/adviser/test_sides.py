@@ -1,5 +1,6 @@
 """On which side a robot is asked to go around another, and where it drives then."""
 
+from dataclasses import replace
 from math import pi
 
 import pytest
@@ -116,6 +117,14 @@ def test_seen_ground_is_known_after_a_restart() -> None:
         robot.means_to_go = True
     floor.run(10)
     assert floor.revisions[0].side == "left"
+
+
+@pytest.mark.parametrize("z_m", [-30.0, 20_000.0])
+def test_seen_ground_is_known_after_a_restart_whatever_heights_robots_report(z_m: float) -> None:
+    left, right = face_to_face()
+    floor = AdvisedFloor([replace(left, z_m=z_m), right]).run(3)
+    floor.restart()
+    assert not floor.engine.set_aside
 
 
 def test_nobody_backs_out_to_where_only_a_smaller_body_was() -> None:

@@ -106,7 +106,7 @@ def test_of_many_watched_pairs_of_a_robot_the_first_stay_and_more_as_the_budget_
     is_watched = np.random.default_rng(1).random(len(a)) < 0.03
     moments = np.random.default_rng(2).integers(0, 10, len(a))
     few = chosen_pairs(needs(a, b, moments, is_watched), sharers(1), 10)
-    of_robot = sum(np.bincount(side[is_watched & few], minlength=SLOTS) for side in (a, b))
+    of_robot = np.bincount(np.concatenate([side[is_watched & few] for side in (a, b)]), minlength=SLOTS)
     left_out = is_watched & ~few
     assert left_out.any()
     assert (of_robot[a[left_out]] >= ALWAYS_WATCHED).all()

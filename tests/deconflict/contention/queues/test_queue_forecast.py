@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.contention.queues.queue_forecast import QueueEntry, QueueForecast, forecast_queues
+from deconflict.contention.queues.queue_forecast import MOST_TURNS, QueueEntry, QueueForecast, forecast_queues
 from deconflict.contention.robots.place_geometry import CHANGEOVER_S, PlaceGeometry
 from tests.deconflict.contention.scenes import aisle, resource
 
@@ -65,6 +65,12 @@ def test_with_two_inside_where_one_fits_others_wait_for_the_later_one() -> None:
 @pytest.mark.parametrize(("arrivals", "longest"), [((0, 100, 200), 0), ((0, 1, 2), 2), ((0, 10, 70), 1)])
 def test_the_longest_queue_counts_those_that_wait_together(arrivals: tuple[float, ...], longest: int) -> None:
     assert served(*(coming(f"r{at}", float(at)) for at in arrivals)).longest_queue == longest
+
+
+def test_of_a_queue_of_thousands_those_inside_and_the_first_to_come_have_turns() -> None:
+    turns = served(*(coming(f"{at:05}", float(at)) for at in range(9000)), inside("in", -9.0, 30.0))
+    assert robots(turns.entries) == ["in", *(f"{at:05}" for at in range(MOST_TURNS - 1))]
+    assert turns.begin_s[1:3] == [30.0, 90.0]
 
 
 def test_a_place_without_a_queue_is_free_now() -> None:

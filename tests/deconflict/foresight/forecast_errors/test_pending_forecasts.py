@@ -1,5 +1,6 @@
 """Forecasts compared with the next reports of the same robot."""
 
+import time
 from dataclasses import replace
 from itertools import combinations
 from math import pi
@@ -195,3 +196,27 @@ def test_of_robots_that_rest_no_forecasts_are_kept_and_a_robot_that_is_back_begi
     assert pending.newest[:, 1].tolist() == list(range(60))
     assert len(add_report(pending, straight(NOW_S + 1, 9.0, 0.0, 1.0), 3)) == 0
     assert len(add_report(pending, straight(NOW_S + 2, 9.5, 0.0, 1.0), 3)) == 1
+
+
+def test_robots_on_no_floor_cost_as_little_as_robots_that_are_far_from_each_other() -> None:
+    """A fleet whose floors the site does not know may report all its robots from one place."""
+
+    def cost_s(floor: int, apart_m: float) -> float:
+        pending, robots = PendingForecasts(), 3000
+        there = replace(straight(NOW_S, 0.0, 0.0, 0.0), floor=np.full(2, floor))
+        add_report(pending, there, robots - 1)
+        for name in ("newest", "track", "around"):
+            column = getattr(pending.history, name)
+            column[:] = column[-1]
+        away_m = apart_m * np.arange(robots)
+        pending.history.newest[:, 1], pending.history.around[:, 0] = away_m, away_m
+        pending.history.track[:, :, 0] = away_m[:, None]
+        news, none, slots = np.ones(robots, bool), np.zeros(robots, bool), np.arange(robots)
+        costs_s = []
+        for _ in range(4):
+            begun_s = time.thread_time()
+            assert not len(pending.candidate_pairs(news, none, none, slots, slots, np.ones(robots), NOW_S, 10.0))
+            costs_s.append(time.thread_time() - begun_s)
+        return min(costs_s)
+
+    assert cost_s(-1, 0.0) < 5 * cost_s(0, 20.0)

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from deconflict.foresight.interactions import interaction_finder
 from deconflict.foresight.interactions.interaction_finder import InteractionOutcome
+from deconflict.sweep.geometry.heights import heights_overlap
+from ingest.batch import Bools, Floats
 from tests.deconflict.foresight.interactions.made_reports import NOW_S, Robot, blind, drives, found, stops
 
 
@@ -46,6 +49,24 @@ def test_an_explained_stop_is_no_interaction() -> None:
     robots = [blind(stops(0.0, 1.0, 9.2), 1.0), Robot(drives(10.7, 0.0), vendor=1)]
     assert found(robots, 16.0, explained=[0]) == []
     assert found(robots, 16.0)
+
+
+def test_robots_that_stop_far_from_each_other_are_compared_with_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared = list[int]()
+
+    def counted(bottom_m: Floats, *levels_m: Floats) -> Bools:
+        compared.append(len(bottom_m))
+        overlap: Bools = heights_overlap(bottom_m, *levels_m)
+        return overlap
+
+    monkeypatch.setattr(interaction_finder, "heights_overlap", counted)
+    pairs = [
+        (blind(stops(0.0, 1.0, 9.2, y_m=y_m), 1.0), Robot(drives(10.7, 0.0, y_m=y_m), vendor=1))
+        for y_m in (100.0 * np.arange(12)).tolist()
+    ]
+    interactions = found([robot for pair in pairs for robot in pair], 16.0)
+    assert len({interaction.robot for interaction in interactions}) == len(pairs)
+    assert max(compared) <= 2
 
 
 def test_a_robot_above_is_not_in_the_way() -> None:

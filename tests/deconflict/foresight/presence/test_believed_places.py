@@ -5,9 +5,11 @@ from math import inf
 import numpy as np
 import pytest
 
+from deconflict.foresight.presence import believed_places
 from deconflict.foresight.presence.believed_places import BelievedPlace, BelievedPlaces
 from deconflict.foresight.presence.report_intervals import Legs, ReportIntervals
-from ingest.batch import Batch
+from deconflict.sweep.geometry.envelope_distances import signed_gap
+from ingest.batch import Batch, Floats
 from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
 
 SIDE_M, WITHIN_M, DRIVERS = 40.0, 0.4, 30
@@ -77,3 +79,23 @@ def test_a_place_is_found_after_all_were_removed() -> None:
     assert found(places, batch, legs) == ([], [])
     places.set("silent", PLACE)
     assert found(places, batch, legs) == (["silent"], ["silent"])
+
+
+def test_on_a_long_way_places_beside_its_middle_hide_none_on_it_and_cost_little(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    batch, legs = driven((0.0, 3.0))
+    legs = legs._replace(x_m=legs.x_m[:, :1] + [0.0, 20.0])
+    places, looks = BelievedPlaces(), list[int]()
+    for number in range(400):
+        places.set(str(number), PLACE._replace(x_m=6.0 + 0.4 * (number % 20), y_m=5.0 + 0.2 * (number // 20)))
+    for x_m in (1.0, 10.0, 19.0):
+        places.set(f"at {x_m}", PLACE._replace(x_m=x_m))
+
+    def counted(dx: Floats, *args: Floats) -> Floats:
+        looks.append(dx.size)
+        return signed_gap(dx, *args)
+
+    monkeypatch.setattr(believed_places, "signed_gap", counted)
+    assert found(places, batch, legs) == (["at 1.0", "at 10.0", "at 19.0"],) * 2
+    assert max(looks) < 200
