@@ -32,7 +32,6 @@ from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
-from ingest.security.tokens import SecretError
 
 log = logging.getLogger(__name__)
 
@@ -185,10 +184,7 @@ class OperatorRole:
             if site := current.changed():
                 self._face.renew(site)
                 await self._situations.renew(site)
-                try:
-                    self._outlets.renew(site.webhooks, site.mqtt)
-                except SecretError as error:
-                    log.error("the old webhooks and mqtt stay in use: %s", error)
+                self._outlets.renew(site.webhooks, site.mqtt)
                 self._ledger.renew(site.losses)
                 self._site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)
