@@ -144,20 +144,38 @@ function animate(at) {
 function draw(at) {
   if (at - drawn < FRAME_MS) return;
   drawn = at;
+  if (shown.status[0] !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
+  say();
+  attempt("map", () => {
+    floor ??= floors()[0]?.id ?? null;
+    follow();
+    const picture = scene();
+    if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
+    map.draw(picture);
+    framesDrawn += 1;
+    root.dataset.frames = framesDrawn;
+  });
+  if (shown.faults.size) say();
+}
+
+// Does what shows a part of the page. A part that can't be shown stands still, and the page is not live while one does.
+function attempt(part, show) {
+  try {
+    show();
+    shown.faults.delete(part);
+  } catch (error) {
+    if (shown.faults.get(part) !== `${error}`) reportError(error);
+    shown.faults.set(part, `${error}`);
+  }
+}
+
+function say() {
   const [name, text] = shown.status;
-  if (name !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
   if (root.dataset.state !== name) root.dataset.state = name;
   setText($("status"), text);
   setText($("notice"), [...lateFailures, live.health.notice ?? ""].join(" "));
   setText($("clock"), clock(shown.atS));
   past.say();
-  floor ??= floors()[0]?.id ?? null;
-  follow();
-  const picture = scene();
-  if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
-  map.draw(picture);
-  framesDrawn += 1;
-  root.dataset.frames = framesDrawn;
 }
 
 function tabs() {
@@ -217,7 +235,11 @@ function nothing(calm) {
 }
 
 function list() {
-  if (viewBefore && !isThere(viewBefore.of)) return lookBack();
+  if (viewBefore && !isThere(viewBefore.of)) lookBack();
+  else attempt("list", makeList);
+}
+
+function makeList() {
   $("map").dataset.visited = viewBefore?.of ?? "";
   [listedAt, listedS] = [performance.now(), shown.atS];
   const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];
