@@ -124,12 +124,21 @@ function scene() {
 function isRecent(atS) { return shown.atS - atS < RECENT_S; }
 
 function bounds(scene) {
-  const points = [...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))];
+  const points = together([...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))]);
   if (!points.length) return [-10, -10, 10, 10];
   const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(scene.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
   const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];
   extents.set(scene.floor, whole);
   return whole;
+}
+
+// All points, or, if no map shows them at once, those around the middle one: a robot that says it is far away, as in millimetres, puts
+// nobody out of sight.
+function together(points) {
+  const axes = [0, 1].map((axis) => points.map((point) => point[axis])), most = camera.mostM;
+  if (axes.every((values, axis) => Math.max(...values) - Math.min(...values) <= most[axis])) return points;
+  const middle = axes.map((values) => values.sort((a, b) => a - b)[values.length >> 1]);
+  return points.filter((point) => middle.every((value, axis) => Math.abs(point[axis] - value) <= most[axis] / 2));
 }
 
 // To whole steps, so that the map stands still while robots drive.
