@@ -6,6 +6,7 @@ import socket
 import sqlite3
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
 from math import inf
@@ -40,6 +41,8 @@ PRUNE_EVERY_S, PRUNE_AGAIN_S = 3600.0, 60.0
 MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
+MOST_THREADS = 32
+"""More than wait for a stuck disk at once, each for other work: there are threads left for what needs no disk."""
 FILES_EVERY_S = 1.0
 """How often files that can't be used are tried again."""
 
@@ -74,6 +77,7 @@ class OperatorRole:
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set. Raises `HangingFaceError`."""
         self._publisher.loop, listener = asyncio.get_running_loop(), listen_at("operator", self._site.operator)
+        self._publisher.loop.set_default_executor(ThreadPoolExecutor(MOST_THREADS, "operator"))
         self.port = listener.getsockname()[1]
         try:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):

@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import json
 import sqlite3
 import time
 import tracemalloc
@@ -15,7 +16,7 @@ import pytest
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.operator.blackbox.keeper import SNAPSHOTS
+from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
@@ -38,6 +39,7 @@ from tests.deconflict.advisories.situations.made_situations import NOW_S, confli
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.ledger.made_entries import QUEUED
 from tests.deconflict.operator.outlets.made_outlets import SECRET, heard, hearing
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.made_clock import put_notes
 from tests.helpers.plain_http import http_client
@@ -190,3 +192,24 @@ async def test_a_role_starts_and_sends_whatever_has_become_of_secrets_and_certif
             assert await engine.call("publish", packed_parcel({}, [to_json(made(1))])) == STORED
             await heard(other, 1)
             assert role.port
+
+
+async def test_a_stuck_disk_holds_up_no_advisory_beside_a_near_miss_nor_what_is_learned(tmp_path: Path) -> None:
+    """Whatever else waits for the disk."""
+    with disk_that_can_stick(tmp_path) as disk:
+        async with serving(disk / "data") as (role, engine):
+            await publish_beside_a_near_miss(engine, 1)
+            await engine.call("answers", b"-1")  # SQLite notes the first reader of new pages in a file
+            with stuck(disk):
+                for number in range(2, 12):
+                    await publish_beside_a_near_miss(engine, number)
+                    assert await engine.call("learn", packed({"tick": {"now_s": float(number)}}))
+            async with http_client() as client:
+                listed = (await client.get(f"http://127.0.0.1:{role.port}/advisories")).json()
+        assert len(listed["advisories"]) == 11
+        assert len(json.loads((disk / "data" / "blackbox" / PENDING).read_text())) == 11
+
+
+async def publish_beside_a_near_miss(engine: AsyncCaller, number: int) -> None:
+    head = {"near_misses": [[f"a{number}", "b", time.time(), ["Alder", "Basalt"]]]}
+    assert await engine.call("publish", packed_parcel(head, [to_json(made(number))])) == STORED
