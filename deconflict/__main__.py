@@ -261,9 +261,13 @@ def main() -> int:
         sys.stderr.write(f"deconflict: {visible_lines(str(error))}\n")
         return MISUSED
     except OSError as error:
-        if not _output_fails():
+        if error.filename is not None:
+            why = f"{error.filename} can't be used: {error.strerror}; check its name, its owner and its disk"
+        elif _output_fails():
+            why = f"standard output can't be written: {error.strerror}"
+        else:
             raise
-        sys.stderr.write(f"deconflict: standard output can't be written: {error.strerror}\n")
+        sys.stderr.write(f"deconflict: {visible_lines(why)}\n")
         return MISUSED
     return code
 

@@ -41,7 +41,7 @@ PLANS = {
     "nowhere.xml": b"<model version='4.0.0' name='x'><point name='a' xPosition='1e308' yPosition='NaN'/>"
     b"<path name='c' sourcePoint='a' destinationPoint='a'/></model>",
 }
-FILES = [*CONTENTS, "pipe.jsonl", "folder", "/dev/zero"]
+FILES = [*CONTENTS, "pipe.jsonl", "folder", "/dev/zero", "n" * 300]
 COMMANDS = [
     ["check", "FILE"],
     ["site", "import", "FILE"],

@@ -4,7 +4,6 @@ Whatever people and programs do to it, storing and outlets go on: they run on th
 """
 
 import asyncio
-import logging
 import socket
 import sys
 from concurrent.futures import Future
@@ -18,9 +17,6 @@ from deconflict.operator.http.server.uvicorn_server import create_server
 from deconflict.settings.site import Site
 from ingest.port.connection_limits import count_failed_accepts
 from ingest.security.certificates import Certificates
-from ingest.security.tokens import SecretError
-
-log = logging.getLogger(__name__)
 
 REFRESH_EVERY_S = 5.0
 SILENCE_LIMIT_S = 20
@@ -100,7 +96,4 @@ class PublicFace:
 
     def _renew(self, site: Site) -> None:
         self._app.state.site = site
-        try:
-            self._app.state.people.renew(site.operator.people)
-        except SecretError as error:
-            log.error("the old operator.people stay in use: %s", error)
+        self._app.state.people.renew(site.operator.people)

@@ -17,6 +17,7 @@ from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossParcel
 from deconflict.operator.ledger.optional_ledger import OptionalLedger
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
+from deconflict.operator.store.pending_writes import DiskWork
 from deconflict.operator.store.publisher import Publisher, StreamEndedError
 from deconflict.operator.store.store import StoreError
 from deconflict.operator.store.tables import UnreadableAdvisoryError
@@ -56,6 +57,9 @@ class OperatorCalls:
         """`face_measures` are those of the HTTP application."""
         self._runtime, self._store, self._publisher, self._sources = runtime, store, publisher, sources
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
+        self._unwritten = b""
+        """The learned state to be written."""
+        self._noting, self._learning = DiskWork(keeper.write_pending), DiskWork(self._write_learned)
         self._ledger, self._situations = ledger, situations
         self._own_measures = publisher.measures, face_measures
         self.other_numbers = asyncio.Event()
@@ -122,9 +126,13 @@ class OperatorCalls:
         return b"kept"
 
     async def _learn(self, learned: bytes) -> bytes:
-        await asyncio.to_thread(self._learned_file.write, learned)
+        self._unwritten = learned
+        await self._learning.do()  # no advisory waits for the disk
         await asyncio.to_thread(self._keeper.add_snapshot, learned)
         return b"kept"
+
+    def _write_learned(self) -> None:
+        self._learned_file.write(self._unwritten)
 
     async def _unlearn(self, reason: bytes) -> bytes:
         """Set the whole learned state aside: the engine starts without it."""
@@ -155,7 +163,8 @@ class OperatorCalls:
             self._engine.canary.arrived(head["canary"])
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
-            await asyncio.to_thread(self._keeper.note, pairs)
+            self._keeper.note(pairs)
+            await self._noting.do()  # no advisory waits for the disk
         if head.get("losses"):
             self._add_losses(**head["losses"])
         self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for

@@ -6,6 +6,7 @@ import socket
 import sqlite3
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
 from math import inf
@@ -32,7 +33,6 @@ from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
-from ingest.security.tokens import SecretError
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +41,8 @@ PRUNE_EVERY_S, PRUNE_AGAIN_S = 3600.0, 60.0
 MEASURE_SIZE_EVERY_S = 5.0
 REFRESH_EVERY_S = 5.0
 RELOAD_CHECK_S = 0.2
+MOST_THREADS = 32
+"""More than wait for a stuck disk at once, each for other work: there are threads left for what needs no disk."""
 FILES_EVERY_S = 1.0
 """How often files that can't be used are tried again."""
 
@@ -75,6 +77,7 @@ class OperatorRole:
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set. Raises `HangingFaceError`."""
         self._publisher.loop, listener = asyncio.get_running_loop(), listen_at("operator", self._site.operator)
+        self._publisher.loop.set_default_executor(ThreadPoolExecutor(MOST_THREADS, "operator"))
         self.port = listener.getsockname()[1]
         try:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
@@ -185,10 +188,7 @@ class OperatorRole:
             if site := current.changed():
                 self._face.renew(site)
                 await self._situations.renew(site)
-                try:
-                    self._outlets.renew(site.webhooks, site.mqtt)
-                except SecretError as error:
-                    log.error("the old webhooks and mqtt stay in use: %s", error)
+                self._outlets.renew(site.webhooks, site.mqtt)
                 self._ledger.renew(site.losses)
                 self._site = self.sources.history.site = self._keeper.site = site
             await asyncio.sleep(RELOAD_CHECK_S)

@@ -43,7 +43,6 @@ from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.receiver import Receiver
 from ingest.recording.clock_notes import ClockFile
 from ingest.recording.recorder import Recorder, quantise
-from ingest.security.tokens import SecretError
 from ingest.security.vendor_credentials import VendorCredentials
 
 logger = logging.getLogger(__name__)
@@ -181,10 +180,7 @@ class ReceiverRole:
             await asyncio.sleep(RELOAD_CHECK_S)
 
     def _apply(self, site: Site) -> None:
-        try:
-            self.receiver.use_credentials(VendorCredentials(site.vendors))
-        except SecretError as error:
-            logger.error("vendors' credentials stay as they were: %s", error)
+        self.receiver.use_credentials(VendorCredentials(site.vendors))
         self.receiver.use_limits(site.receiver)
         self.recorder.reconfigure(site.recorder)
         before, self.site = self.site, site

@@ -4,6 +4,7 @@ import json
 import logging
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,8 @@ class PreparationProgress:
         self._beat()
         if done == 0:
             log.info("the engine compiles %s kernels, once on this machine; advisories begin afterwards", total)
-        write(self._path, json.dumps({"done": done, "total": total}))
+        with suppress(OSError):  # a full disk must not end what compiles; the log says when it begins and ends
+            write(self._path, json.dumps({"done": done, "total": total}))
 
     def end(self) -> None:
         """The engine is loaded, whether it had to compile or not."""

@@ -86,13 +86,13 @@ class Reloader:
         (self._runtime / REQUEST_FILE).unlink(missing_ok=True)
         try:
             site, waiting = merged_settings(self._site, self._read())
+            write(self._runtime / SITE_FILE, site.model_dump_json())
         except Exception as error:  # noqa: BLE001 - whatever it is, the service goes on
             problems = _problems(error)
             self._write_result("refused", problems, self._results["needs_restart"])
             log.error("the changed site file is refused, the old settings stay in use: %s", "; ".join(problems))
             return
         self._site = site
-        write(self._runtime / SITE_FILE, site.model_dump_json())
         self._write_result("applied", [], list(waiting))
         log.info("the changed site file is in use")
         if waiting:
@@ -100,7 +100,10 @@ class Reloader:
 
     def _write_result(self, result: str, problems: list[str], waiting: list[str]) -> None:
         self._results |= {result: self._results[result] + 1, "problems": problems, "needs_restart": waiting}
-        write(self._runtime / RESULTS_FILE, json.dumps(self._results))
+        try:
+            write(self._runtime / RESULTS_FILE, json.dumps(self._results))
+        except OSError as error:
+            log.error("health can't see what became of the changed site file: %s", error)
 
 
 def _problems(error: Exception) -> list[str]:
@@ -109,6 +112,8 @@ def _problems(error: Exception) -> list[str]:
         return list(error.problems)
     if isinstance(error, SecretError | CertificateError):
         return [str(error)]
+    if isinstance(error, OSError):
+        return [f"the roles can't be told of it: {error}; free some space there, and reload again"]
     log.error("the site file can't be checked, which should be reported", exc_info=error)
     return [f"it can't be checked: {type(error).__name__}; see the log"]
 

@@ -27,9 +27,9 @@ def file_fault(path: Path, kind: FileKind) -> str | None:
     """Why a file can't be written, and what to do; None if it can, or can be made. May wait for the disk."""
     try:
         fault = _unfit(path, kind) or (None if kind is FileKind.RARE_FILE else _place_fault(path, kind))
+        return fault or (_lock_fault(path) if kind is FileKind.DATABASE and path.exists() else None)
     except OSError as error:
-        fault = f"{path}: {error.strerror}; check its disk"
-    return fault or (_lock_fault(path) if kind is FileKind.DATABASE and path.exists() else None)
+        return f"{path}: {error.strerror}; check its owner and its disk"
 
 
 def _unfit(path: Path, kind: FileKind) -> str | None:

@@ -39,18 +39,21 @@ class RenewedContext:
         try:
             self.context = self._load()
         except CertificateError as error:
-            log.error("the earlier certificates stay in use: %s", error)
+            log.error("the earlier certificates stay in use, if there are any: %s", error)
         else:
             log.info("certificates are read again from %s", ", ".join(self._files))
 
 
 class Certificates(RenewedContext):
-    """The context of a server."""
+    """The context of a server. While its files have never been of use, every handshake fails."""
 
     def __init__(self, settings: Tls) -> None:
-        """Raises `CertificateError`."""
         files = settings.certificate, settings.key, settings.clients
-        super().__init__(files, partial(server_context, settings))
+        try:
+            super().__init__(files, partial(server_context, settings))
+        except CertificateError as error:
+            self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            log.error("nobody can connect until the certificates can be used: %s", error)
 
 
 class ClientCertificates(RenewedContext):

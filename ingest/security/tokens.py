@@ -46,23 +46,33 @@ def secret_of(owner: str, source: str) -> str:
         raise SecretError(f"{owner}: {error}") from error
 
 
-def renewed(source: str, before: str) -> str:
+def renewed(source: str, before: str = "") -> str:
     """The secret of `source`. If it can't be read, that is logged, and `before` is returned."""
     try:
         return secret(source)
     except SecretError as error:
-        log.error("the old secret stays in use: %s", error)
+        log.error("%s: %s", "the old secret stays in use" if before else "a secret is missing", error)
         return before
 
 
+def verify_tokens(sources: Mapping[str, str]) -> None:
+    """Raises `SecretError` if the token of an owner can't be read, or two share one. `sources` as of `Tokens`."""
+    _by_digest({owner: _digest(secret_of(owner, source)) for owner, source in sources.items()})
+
+
 class Tokens:
-    """Owners by token. `refresh` reads the sources again, so that a secret changes without a restart."""
+    """Owners by token. `refresh` reads the sources again, so that a secret changes without a restart.
+
+    An owner whose token can't be read has the one before. One who has none gets in once it can be read: a role starts
+    whatever has become of the files that were verified when the service started.
+    """
 
     def __init__(self, sources: Mapping[str, str]) -> None:
-        """`sources` gives each owner the source of its token. Raises `SecretError`, also if two share a token."""
+        """`sources` gives each owner the source of its token."""
         self._sources = dict(sources)
-        self._digests = {owner: _digest(secret_of(owner, source)) for owner, source in self._sources.items()}
-        self._owners = self._by_digest()
+        self._digests: dict[str, bytes] = {}
+        self._owners: dict[bytes, str] = {}
+        self.refresh()
 
     def __bool__(self) -> bool:
         return bool(self._sources)
@@ -80,25 +90,28 @@ class Tokens:
         return self._digests.get(owner)
 
     def refresh(self) -> None:
-        """Read every source again. If one can't be read, that is logged, and its old token stays in use."""
+        """Read every source again. What can't be read is logged."""
         before = dict(self._digests)
         for owner, source in self._sources.items():
             try:
                 self._digests[owner] = _digest(secret(source))
             except SecretError as error:
-                log.error("the earlier token of %s stays in use: %s", owner, error)
+                kept = "the earlier token of %s stays in use: %s" if owner in before else "%s has no token: %s"
+                log.error(kept, owner, error)
         try:
-            self._owners = self._by_digest()
+            self._owners = _by_digest(self._digests)
         except SecretError as error:
             log.error("the earlier tokens stay in use: %s", error)
             self._digests = before
 
-    def _by_digest(self) -> dict[bytes, str]:
-        owners = {digest: owner for owner, digest in self._digests.items()}
-        if len(owners) < len(self._digests):
-            shared = [owner for owner, digest in self._digests.items() if owners[digest] != owner]
-            raise SecretError(f"{', '.join(shared)} has the token of another; give each its own")
-        return owners
+
+def _by_digest(digests: Mapping[str, bytes]) -> dict[bytes, str]:
+    """Owners by digest of their token. Raises `SecretError` if two share one."""
+    owners = {digest: owner for owner, digest in digests.items()}
+    if len(owners) < len(digests):
+        shared = [owner for owner, digest in digests.items() if owners[digest] != owner]
+        raise SecretError(f"{', '.join(shared)} has the token of another; give each its own")
+    return owners
 
 
 def _digest(token: str) -> bytes:

@@ -1,6 +1,6 @@
 """Which vendor a connection may speak for."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ingest.security.tokens import Tokens
@@ -26,9 +26,8 @@ class VendorCredentials:
     """
 
     def __init__(self, vendors: Sequence[Vendor]) -> None:
-        """Raises `SecretError` if a token can't be read."""
         self._vendors = {vendor.name.casefold(): vendor.name for vendor in vendors}
-        self._tokens = Tokens({vendor.name: vendor.token for vendor in vendors if vendor.token})
+        self._tokens = Tokens(token_sources(vendors))
         self._names = {name.casefold(): vendor.name for vendor in vendors for name in vendor.certificate_names}
 
     @property
@@ -62,3 +61,8 @@ class VendorCredentials:
     def _of_certificate(self, certificate_names: Sequence[str]) -> str | None:
         found = {self._names[name.casefold()] for name in certificate_names if name.casefold() in self._names}
         return found.pop() if len(found) == 1 else None
+
+
+def token_sources(vendors: Iterable[Vendor]) -> dict[str, str]:
+    """By vendor that has a token, its source."""
+    return {vendor.name: vendor.token for vendor in vendors if vendor.token}

@@ -57,7 +57,7 @@ BLACKBOXES = "deconflict_blackboxes_total"
 
 
 class Keeper:
-    """The black boxes of one service. No method except `run` waits."""
+    """The black boxes of one service. No method except `run` and `write_pending` waits."""
 
     def __init__(self, site: Site, data: Path, store: Store, measures: Measures) -> None:
         self.site, self._log, self._store, self._measures = site, data / "log", store, measures
@@ -73,14 +73,13 @@ class Keeper:
             measures.count(BLACKBOXES, outcome, by=0)
 
     def note(self, pairs: Iterable[NearPair]) -> None:
-        """Note pairs that the engine has just seen within the clearance. Writes them to disk for a restart."""
+        """Note pairs that the engine has just seen within the clearance. `write_pending` keeps them for a restart."""
         for pair in pairs if self.site.keeps_boxes else ():
             pending = [*self._pending, (time.monotonic(), pair)]
             if len(pending) > MOST_PAIRS:
                 pending.pop(_newest_of_largest_pair([noted for _, noted in pending]))
                 self._measures.count(BLACKBOXES, "beyond")
             self._pending = pending
-        self._write_pending()
 
     def engine_started(self, learned: bytes) -> None:
         """An engine starts with the learned state of the one before; `learned` is empty if there is none."""
@@ -99,7 +98,7 @@ class Keeper:
 
     async def run(self) -> None:
         """Write each box when it is due, until cancelled."""
-        await asyncio.to_thread(self._read_pending)
+        self.note(await asyncio.to_thread(self._read_pending))
         pruned_s = float("-inf")
         while True:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
@@ -110,7 +109,7 @@ class Keeper:
             if recorded:
                 await self._keep(pairs)
                 self._pending = [pending for pending in self._pending if pending[1] not in pairs]
-                await asyncio.to_thread(self._write_pending)
+                await asyncio.to_thread(self.write_pending)
                 await asyncio.to_thread(self._prune)
             await asyncio.sleep(CHECK_EVERY_S)
 
@@ -185,7 +184,7 @@ class Keeper:
             if removed:
                 log.info("removed black boxes: %s", ", ".join(removed))
 
-    def _write_pending(self) -> None:
+    def write_pending(self) -> None:
         """Write the pending pairs to disk. If that fails, only a restart loses them."""
         path = self.archive.directory / PENDING
         try:
@@ -198,8 +197,8 @@ class Keeper:
         except OSError as error:
             log.warning("%s can't be written: %s", path, error)
 
-    def _read_pending(self) -> None:
-        """Resume with the pairs that were pending when the service ended."""
+    def _read_pending(self) -> list[NearPair]:
+        """The pairs that were pending when the service ended, to resume with."""
         path = self.archive.directory / PENDING
         try:
             pairs = _PAIRS.decode(read_file(path)) if path.exists() else []
@@ -212,7 +211,8 @@ class Keeper:
         except OSError as error:
             log.warning("%s can't be read: %s", path, error)
         else:
-            self.note(pairs)
+            return pairs
+        return []
 
 
 def known_of(boxes: Iterable[Box]) -> tuple[KnownNearMiss, ...]:

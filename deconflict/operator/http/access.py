@@ -18,12 +18,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.site import Operator, Person, Role, Site
 from ingest.port.connection_shares import site_of
-from ingest.security.certificates import Certificates, client_context
+from ingest.security.certificates import client_context, server_context
 from ingest.security.failed_sign_ins import FailedSignIns
 from ingest.security.origin_check import host_of, is_fetched_elsewhere, is_fixed, is_loopback
 from ingest.security.refused_clients import RefusedClients
-from ingest.security.tokens import Tokens, secret_of
-from ingest.security.vendor_credentials import VendorCredentials
+from ingest.security.tokens import Tokens, secret_of, verify_tokens
+from ingest.security.vendor_credentials import token_sources
 
 RANK: Mapping[Role, int] = {"read": 0, "answer": 1, "acknowledge": 2, "administer": 3}
 OFF_FLOOR = "/off-floor"
@@ -57,18 +57,22 @@ def exposed_ports(site: Site) -> list[str]:
 
 def verify_credentials(site: Site) -> None:
     """Raises `SecretError` or `CertificateError` if a secret or certificate of the site file can't be used."""
-    VendorCredentials(site.vendors)
-    People(site.operator.people)
+    verify_tokens(token_sources(site.vendors))
+    verify_tokens(_token_sources(site.operator.people))
     outlets = [(f"webhook {webhook.name}", webhook.secret) for webhook in site.webhooks]
     for name, source in (*outlets, ("mqtt", site.mqtt.password if site.mqtt else None)):
         if source:
             secret_of(name, source)
     for tls in (site.receiver.tls, site.operator.tls):
         if tls:
-            Certificates(tls)
+            server_context(tls)
     for connection in (*site.mqtt_sources, site.mqtt, site.cluster):
         if connection:
             client_context(connection.ca, connection.certificate if isinstance(connection, Cluster) else "")
+
+
+def _token_sources(people: Iterable[Person]) -> dict[str, str]:
+    return {person.name: person.token for person in people}
 
 
 class SignIn(NamedTuple):
@@ -83,13 +87,12 @@ class People:
     """The people who may use the port, their tokens and their roles."""
 
     def __init__(self, people: Iterable[Person]) -> None:
-        """Raises `SecretError`."""
         self.renew(people)
 
     def renew(self, people: Iterable[Person]) -> None:
-        """Replace the people. Raises `SecretError`; then nothing changes."""
+        """Replace the people."""
         people = tuple(people)
-        self._tokens = Tokens({person.name: person.token for person in people})
+        self._tokens = Tokens(_token_sources(people))
         self._roles: dict[str, Role] = {person.name: person.role for person in people}
         self._vendors = {person.name: person.vendor for person in people if person.vendor}
 

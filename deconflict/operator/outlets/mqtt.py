@@ -22,7 +22,7 @@ from deconflict.settings.outlet_settings import Mqtt
 from deconflict_client.advisory import ADVICE, EVERY_KIND, SITUATION, AdvisoryState
 from deconflict_client.situations import REVISION
 from ingest.security.certificates import CertificateError, client_context
-from ingest.security.tokens import renewed, secret
+from ingest.security.tokens import SecretError, renewed
 
 TOPICS = {SITUATION: "situations", ADVICE: "advice"}
 """By kind; of every other kind `advisories`."""
@@ -45,15 +45,15 @@ class MqttOutlet:
     """Keeps a broker's retained messages up to date, and refreshes them after each connect."""
 
     def __init__(self, settings: Mqtt, cursor: StoreCursor, store: Store) -> None:
-        """Raises `SecretError`."""
         self._settings, self._cursor, self._store = settings, cursor, store
-        self._password = secret(settings.password) if settings.password else None
+        self._password = renewed(settings.password) if settings.password else None
+        """Empty while it has never been read: the broker is not asked then."""
         self._are_others_removed = False
         """Whether the topics of other kinds have been emptied."""
 
     def refresh(self) -> None:
         """Read the password again; the next connection uses it."""
-        if self._password:
+        if self._password is not None:
             self._password = renewed(self._settings.password, self._password)
 
     async def run(self) -> None:
@@ -64,7 +64,7 @@ class MqttOutlet:
             before = self._cursor.seq
             try:
                 await self._run_connection()
-            except (MqttError, StoreError, OSError, CertificateError) as error:
+            except (MqttError, StoreError, OSError, CertificateError, SecretError) as error:
                 if is_being_cancelled():
                     return
                 self._cursor.failed(str(error))
@@ -76,6 +76,8 @@ class MqttOutlet:
     async def _run_connection(self) -> None:
         """Connect, and send revisions until the connection is lost."""
         settings = self._settings
+        if self._password == "":
+            raise SecretError(f"its password can't be read; look at {settings.password}")
         service = f"{settings.topic}/service"
         async with Client(
             settings.host,

@@ -38,7 +38,7 @@ class Outlets:
         """By name, the cancelled tasks that have not ended yet."""
 
     def renew(self, webhooks: Sequence[Webhook], mqtt: Mqtt | None) -> None:
-        """Use other settings from now on. Raises `SecretError`; then nothing changes."""
+        """Use other settings from now on."""
         new_settings: dict[str, Webhook | Mqtt] = {webhook.name: webhook for webhook in webhooks}
         if mqtt:
             new_settings[MQTT] = mqtt

@@ -11,7 +11,7 @@ from deconflict.operator.outlets.webhook_signatures import signed
 from deconflict.operator.store.publisher import PublishedLine
 from deconflict.settings.outlet_settings import Webhook
 from deconflict_client.advisory import ADVISORY_KINDS
-from ingest.security.tokens import renewed, secret
+from ingest.security.tokens import renewed
 
 MOST_ANSWER_BYTES = 1 << 16
 
@@ -20,9 +20,9 @@ class WebhookOutlet:
     """One webhook. The next revision waits until the receiver has accepted this one."""
 
     def __init__(self, settings: Webhook, cursor: StoreCursor) -> None:
-        """Raises `SecretError`."""
         self._settings, self._cursor = settings, cursor
-        self._secret = secret(settings.secret)
+        self._secret = renewed(settings.secret)
+        """Empty while it has never been read: nothing is sent then."""
         self._is_to_connect_anew = False
         """Whether a connection has failed since the client was made."""
 
@@ -58,6 +58,8 @@ class WebhookOutlet:
 
     async def _post(self, line: PublishedLine) -> str:
         """Why the request failed; empty if it succeeded. Leaves out the address, which may hold a secret."""
+        if not self._secret:
+            return f"its secret can't be read; look at {self._settings.secret}"
         body, subject = line.text.encode(), "advisory" if line.kind in ADVISORY_KINDS else line.kind
         try:
             signature = signed(f"{subject}-{line.seq}", body, self._secret, time.time())

@@ -124,12 +124,21 @@ function scene() {
 function isRecent(atS) { return shown.atS - atS < RECENT_S; }
 
 function bounds(scene) {
-  const points = [...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))];
+  const points = together([...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))]);
   if (!points.length) return [-10, -10, 10, 10];
   const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(scene.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
   const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];
   extents.set(scene.floor, whole);
   return whole;
+}
+
+// All points, or, if no map shows them at once, those around the middle one: a robot that says it is far away, as in millimetres, puts
+// nobody out of sight.
+function together(points) {
+  const axes = [0, 1].map((axis) => points.map((point) => point[axis])), most = camera.mostM;
+  if (axes.every((values, axis) => Math.max(...values) - Math.min(...values) <= most[axis])) return points;
+  const middle = axes.map((values) => values.sort((a, b) => a - b)[values.length >> 1]);
+  return points.filter((point) => middle.every((value, axis) => Math.abs(point[axis] - value) <= most[axis] / 2));
 }
 
 // To whole steps, so that the map stands still while robots drive.
@@ -144,20 +153,38 @@ function animate(at) {
 function draw(at) {
   if (at - drawn < FRAME_MS) return;
   drawn = at;
+  if (shown.status[0] !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
+  say();
+  attempt("map", () => {
+    floor ??= floors()[0]?.id ?? null;
+    follow();
+    const picture = scene();
+    if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
+    map.draw(picture);
+    framesDrawn += 1;
+    root.dataset.frames = framesDrawn;
+  });
+  if (shown.faults.size) say();
+}
+
+// Does what shows a part of the page. A part that can't be shown stands still, and the page is not live while one does.
+function attempt(part, show) {
+  try {
+    show();
+    shown.faults.delete(part);
+  } catch (error) {
+    if (shown.faults.get(part) !== `${error}`) reportError(error);
+    shown.faults.set(part, `${error}`);
+  }
+}
+
+function say() {
   const [name, text] = shown.status;
-  if (name !== root.dataset.state || at - listedAt > LIST_MS) list(); // the page never says "Live" over a list made before
   if (root.dataset.state !== name) root.dataset.state = name;
   setText($("status"), text);
   setText($("notice"), [...lateFailures, live.health.notice ?? ""].join(" "));
   setText($("clock"), clock(shown.atS));
   past.say();
-  floor ??= floors()[0]?.id ?? null;
-  follow();
-  const picture = scene();
-  if (!moved && picture.robots.length + picture.marks.length) camera.fit(bounds(picture));
-  map.draw(picture);
-  framesDrawn += 1;
-  root.dataset.frames = framesDrawn;
 }
 
 function tabs() {
@@ -217,7 +244,11 @@ function nothing(calm) {
 }
 
 function list() {
-  if (viewBefore && !isThere(viewBefore.of)) return lookBack();
+  if (viewBefore && !isThere(viewBefore.of)) lookBack();
+  else attempt("list", makeList);
+}
+
+function makeList() {
   $("map").dataset.visited = viewBefore?.of ?? "";
   [listedAt, listedS] = [performance.now(), shown.atS];
   const listed = open(), lasting = listed.filter((situation) => !isOver(situation)), grouped = advisoriesBySituation(), others = grouped.get(null) ?? [];

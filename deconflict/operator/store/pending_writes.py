@@ -1,6 +1,7 @@
 """Revisions that are numbered and published but not on disk yet. A disk that fails or stalls delays no advisory."""
 
-from collections.abc import Iterable, Sequence
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
 
 from deconflict_client.advisory import AdvisoryState
 from deconflict_client.situations import AnyRevision, Revision
@@ -9,6 +10,9 @@ MOST_PENDING = 20_000
 """If this many revisions wait in memory for the disk, some 40 MB, more are refused, and the engine sends them again."""
 LOOK_BACK_S = 3600.0
 """A question about the past finds advisories that changed in this time before it."""
+
+WAIT_S = 0.5
+"""How long the first call of `DiskWork.do` waits for the disk."""
 
 PendingWrites = Sequence[AnyRevision]
 """Ascending by number."""
@@ -33,3 +37,24 @@ def open_at_time(stored: Iterable[Revision], pending: Iterable[Revision], now_s:
     newest = {revision.id: revision for revision in stored}
     newest |= newest_by_id(decided_between(pending, now_s - LOOK_BACK_S, now_s))
     return [revision for revision in newest.values() if revision.state is not AdvisoryState.CLEARED]
+
+
+class DiskWork:
+    """Work that waits for the disk, on one thread at a time. Nobody waits for it long, and only once if it is stuck."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self._work, self._is_due = work, False
+        self._doing: asyncio.Task[None] | None = None
+
+    async def do(self) -> None:
+        """Have it done once from now on, at once or after what is being done."""
+        self._is_due = True
+        if self._doing is not None and not self._doing.done():
+            return
+        self._doing = asyncio.create_task(self._do())
+        await asyncio.wait({self._doing}, timeout=WAIT_S)
+
+    async def _do(self) -> None:
+        while self._is_due:
+            self._is_due = False
+            await asyncio.to_thread(self._work)

@@ -84,7 +84,8 @@ class CertificateHealth:
                 self._told.add((key, end_s, end_s <= now_s))
                 log.warning("%s; renew it", _sentence(key, end_s, now_s))
         reasons = [
-            f"the files of {section} can't be used ({read.problem}); what was read before stays in use, until a restart"
+            f"the files of {section} can't be used ({read.problem}); what was read before stays in use, "
+            "until a role restarts: then nobody connects by TLS before they can be used"
             for section, read in self._read.items()
             if read.problem
         ]

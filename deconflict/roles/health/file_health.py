@@ -44,7 +44,9 @@ def data_files(site: Site, data: Path) -> list[tuple[Path, FileKind]]:
     """What the service keeps there by the settings of its site, the most important first."""
     databases = sqlite_connections.FILE_NAME, loss_ledger.FILE_NAME, kept_rows.FILE_NAME
     folders = {"log": site.recorder.enabled, FOLDER: site.keeps_boxes}
-    rare = sorted(data.glob(LOCKS))
+    rare: list[Path] = []
+    with suppress(OSError):  # the directory may not be entered
+        rare += sorted(data.glob(LOCKS))
     if folders[FOLDER]:
         rare += [data / FOLDER / REGISTER, data / FOLDER / PENDING]
     return [
@@ -84,7 +86,7 @@ class FileHealth:
         """Look at each file. May wait for the disk."""
         asides, self._asides = self._asides, {path: _inode(_aside(path)) for path, _ in self._files}
         self._faults = {path.name: fault for path, kind in self._files if (fault := file_fault(path, kind))}
-        found = {path: content for path, kind in self._files if (content := _content(path, kind)) is not None}
+        found = {path: content for path, kind in self._files if (content := self._present(path, kind)) is not None}
         missing = {path.name for path, _ in self._files if path not in found and path.name not in MADE_AT_NEED}
         removed_s = {name: now_s if name in missing else at_s for name, at_s in self._removed_s.items()}
         for path, before in self._contents.items():
@@ -96,6 +98,15 @@ class FileHealth:
         self._removed_s = {name: at_s for name, at_s in removed_s.items() if name not in found_again}
         self._databases.hold(path for path, kind in self._files if kind is FileKind.DATABASE and path in found)
         self._contents, self._looked_s = found, time.monotonic()
+
+    def _present(self, path: Path, kind: FileKind) -> frozenset[str] | None:
+        """As of `_content`; as at the last look while it can't be known, as of a directory that may not be entered."""
+        try:
+            return _content(path, kind)
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except OSError:
+            return self._contents.get(path)
 
     def document(self, now_s: float, outages: Mapping[str, str | None] | None = None) -> dict[str, Any]:
         """The part `files` of the health. `outages` has by name why a file is not in use, as who uses it knows."""
@@ -143,14 +154,11 @@ def _inode(path: Path) -> int | None:
 def _content(path: Path, kind: FileKind) -> frozenset[str] | None:
     """The inode of a database, the names in a folder of what the service does not remove or rename within seconds, and
     nothing of a file that is replaced at each write. None if there is none, for what is there only at times, and for
-    what is no database."""
+    what is no database. Raises `OSError`."""
     if kind is FileKind.RARE_FILE or (kind is FileKind.DATABASE and not path.is_file()):
         return None
-    try:
-        inode = path.stat().st_ino
-        if kind is FileKind.FOLDER:
-            lasting = (entry.name for entry in path.iterdir() if entry.name != PENDING and entry != new_name(entry))
-            return frozenset(name.removesuffix(PACKED) for name in lasting)
-    except OSError:
-        return None
+    inode = path.stat().st_ino
+    if kind is FileKind.FOLDER:
+        lasting = (entry.name for entry in path.iterdir() if entry.name != PENDING and entry != new_name(entry))
+        return frozenset(name.removesuffix(PACKED) for name in lasting)
     return frozenset([str(inode)] if kind is FileKind.DATABASE else [])

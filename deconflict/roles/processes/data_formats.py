@@ -31,7 +31,7 @@ def refuse_newer(data: Path) -> None:
     """Raise `DataDirectoryError` if a newer release wrote a file. No file is changed."""
     problems = []
     for name, (format_of, known) in FILES.items():
-        found = format_of(data / name) if (data / name).is_file() else None
+        found = format_of(data / name)
         if found is not None and known < found <= known + MOST_NEWER:
             problems.append(f"{data / name} has format {found} and this release reads up to {known}")
     if problems:

@@ -2,8 +2,9 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from deconflict.settings.fleet_factory import fleet_of
@@ -30,13 +31,13 @@ def name(i: int) -> str:
 
 
 @asynccontextmanager
-async def ticking(face: Served) -> AsyncIterator[None]:
-    """Robots that stand in a row, 2 m apart, and report at each tick."""
+async def ticking(face: Served, others: Mapping[str, float] = MappingProxyType({})) -> AsyncIterator[None]:
+    """Robots that stand in a row, 2 m apart, and report at each tick. So do `others`, by name at an x in metres."""
     fleet = fleet_of(Site(), Measures())
 
     async def tick() -> None:
         while True:
-            report(fleet, time.time())
+            report(fleet, time.time(), others)
             face.sources.whole = fleet.snapshot(time.time())
             face.sources.recent.add(time.time(), fleet.next_batch(time.time()).to_bytes())
             await asyncio.sleep(TICK_S)
@@ -48,9 +49,9 @@ async def ticking(face: Served) -> AsyncIterator[None]:
         task.cancel()
 
 
-def report(fleet: Fleet, now_s: float) -> None:
-    for i in range(ROBOTS):
-        fleet.receive(status(f"A-{i}", now_s, 2.0 * i, 0.0), now_s, Connection(1))
+def report(fleet: Fleet, now_s: float, others: Mapping[str, float]) -> None:
+    for robot_name, x_m in ({f"A-{i}": 2.0 * i for i in range(ROBOTS)} | {**others}).items():
+        fleet.receive(status(robot_name, now_s, x_m, 0.0), now_s, Connection(1))
 
 
 @asynccontextmanager

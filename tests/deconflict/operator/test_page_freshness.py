@@ -27,12 +27,12 @@ from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from tests.deconflict.operator.bad_network import AT_ONCE, BadNetwork, Fate
 from tests.deconflict.operator.http.served_face import Served, served
-from tests.deconflict.operator.opened_page import cleared, shown
+from tests.deconflict.operator.opened_page import cleared, shown, ticking, until
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot, status
 
 if TYPE_CHECKING:
-    from playwright.async_api import Browser, Page
+    from playwright.async_api import Browser, Page, WebSocketRoute
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
 
@@ -52,6 +52,9 @@ STATE = (
 )
 CLAIM = re.compile(r"(?:floor at|since|Showing) (\d\d:\d\d:\d\d)")
 CARDS_CLAIM = re.compile(r"the warnings of (\d\d:\d\d:\d\d)")
+MAP = """import(new URL("page/map/floor_map.js", location)).then(({{ FloorMap }}) => {{
+    FloorMap.prototype.draw = () => {{ {} }};
+}})"""
 WATCH = """async (uuid) => {
     const { FloorMap } = await import(new URL("page/map/floor_map.js", location));
     const { draw } = FloorMap.prototype, text = (id) => document.getElementById(id).textContent;
@@ -164,6 +167,8 @@ class Watched:
     page: "Page"
     network: BadNetwork
     floor: Floor
+    wrong: list[str]
+    """What the page has thrown."""
 
     async def verify(self) -> None:
         looks = await self.page.evaluate("looks.splice(0)")
@@ -179,7 +184,8 @@ class Watched:
         """Look at the page until a condition holds."""
         until_s = time.monotonic() + PATIENCE_S
         while not await self.page.evaluate(condition):
-            assert time.monotonic() < until_s, f"not {condition}: {await self.page.evaluate(STATE)}"
+            state = await self.page.evaluate(STATE)
+            assert time.monotonic() < until_s, f"not {condition}: {state}; thrown: {self.wrong}"
             await self.for_s(0.2)
 
     async def until_said(self, words: str) -> None:
@@ -226,7 +232,7 @@ async def watched(browser: "Browser", directory: Path, **fates: Callable[[], Fat
         try:
             await page.goto(face.http)
             await page.evaluate(WATCH, robot(TELLER))
-            yield Watched(page, network, floor)
+            yield Watched(page, network, floor, wrong)
         finally:
             for task in running:
                 task.cancel()
@@ -385,3 +391,32 @@ async def test_a_page_that_gets_no_frames_says_what_time_it_shows(browser: "Brow
         await seen.for_s(1)
         seen.floor.runs = False
         await seen.until_said("^Nothing new since")
+
+
+async def test_a_page_that_can_not_show_what_it_is_told_is_not_live(browser: "Browser", tmp_path: Path) -> None:
+    """As a page that was opened before an upgrade of the service, which tells of what the page does not know."""
+    async with served(tmp_path) as face, ticking(face):
+        page = await browser.new_page()
+        await page.route_web_socket(re.compile("/stream"), of_a_newer_release)
+        await page.goto(face.http)
+        await until(page, said("^Live"))
+        await face.publish(situation := shown(1, 0, 1))
+        await until(page, said("^This page can't show what the service says"))
+        assert await page.evaluate("document.documentElement.dataset.state") == "stale"
+        await face.publish(cleared(situation, "they have passed each other"))
+        await until(page, said("^Live"))
+        await page.evaluate(MAP.format("throw new Error('no room for the picture')"))
+        await until(page, said("^This page can't show what the service says.*no room for the picture"))
+        await page.evaluate(MAP.format("return 0"))
+        await until(page, said("^Live"))
+        await page.close()
+
+
+def said(words: str) -> str:
+    return f"/{words}/.test(document.getElementById('status').textContent)"
+
+
+def of_a_newer_release(page: "WebSocketRoute") -> None:
+    server = page.connect_to_server()
+    page.on_message(server.send)
+    server.on_message(lambda message: page.send(str(message).replace('_kind":"meeting"', '_kind":"of tomorrow"')))

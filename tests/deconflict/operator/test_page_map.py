@@ -10,14 +10,15 @@ from deconflict.operator.vendor_health import vendor_health
 from deconflict.settings.shared_places import NamedArea
 from deconflict_client.advisory import Severity
 from ingest.measures.measures import Measures
-from tests.deconflict.operator.http.served_face import HEARD, Served
-from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, until
+from tests.deconflict.operator.http.served_face import HEARD, Served, served
+from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, ticking, until
 from tests.helpers.saying import HALL, robot
 
 if TYPE_CHECKING:
-    from playwright.async_api import Browser
+    from playwright.async_api import Browser, Page
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
+
 
 PICTURES = Path(__file__).parents[3] / "build" / "page"
 
@@ -33,12 +34,10 @@ async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Br
         for (let i = 0; i < data.length; i += 4) count += rgb.every((value, channel) => data[i + channel] === value);
         return count;
     })()"""
-    until_next = "document.documentElement.dataset.frames > {}"
     async with opened(browser, face) as page:
 
         async def after_two_pictures() -> int:
-            drawn = int(await page.evaluate("document.documentElement.dataset.frames"))
-            await until(page, until_next.format(drawn + 2))
+            await after_pictures(page)
             return int(await page.evaluate(ring_pixels))
 
         await face.publish(shown(1, 0, ROBOTS - 1, left_s=300.0, severity=Severity.CRITICAL))
@@ -53,6 +52,12 @@ async def test_the_map_marks_no_robots_of_what_is_far_ahead_or_over(browser: "Br
         over = shown(1, 0, ROBOTS - 1, revision=3, severity=Severity.CRITICAL, advice=None, advisories=())
         await face.publish(over)
         await until(page, f"{ring_pixels} === 0")
+
+
+async def after_pictures(page: "Page") -> None:
+    """After two more pictures of the map."""
+    drawn = int(await page.evaluate("document.documentElement.dataset.frames"))
+    await until(page, f"document.documentElement.dataset.frames > {drawn + 2}")
 
 
 async def test_a_press_on_a_card_shows_it_on_the_map(browser: "Browser", face: Served) -> None:
@@ -356,3 +361,25 @@ async def test_ground_to_keep_clear_is_hatched_and_in_the_legend(browser: "Brows
     async with opened(browser, face) as page:
         await until(page, "!document.getElementById('keep-clear').hidden")
         assert (await page.locator("#keep-clear").inner_text()).strip() == "Keep clear: advice sends no robot there"
+
+
+async def test_a_robot_that_says_it_is_far_away_puts_nobody_out_of_sight(browser: "Browser", tmp_path: Path) -> None:
+    """As one that sends millimetres: no map shows it and the others at once."""
+    count_seen = """import(new URL("page/map/floor_map.js", location)).then(({ FloorMap }) => {
+        const { draw } = FloorMap.prototype;
+        FloorMap.prototype.draw = function (scene) {
+            const seen = draw.call(this, scene), far = scene.robots.find((robot) => robot.x > 1000);
+            window.seen = `${seen} of ${scene.robots.length} at ${this.camera.scale.toFixed(3)}, far: ${Boolean(far)}`;
+        };
+    })"""
+    others: dict[str, float] = {}
+    async with served(tmp_path) as face, ticking(face, others), opened(browser, face) as page:
+        await page.evaluate(count_seen)
+        await until(page, f"window.seen?.startsWith('{ROBOTS} of {ROBOTS}')")
+        before = await page.evaluate("window.seen")
+        others["A-mm"] = 12_000.0
+        with_it = before.replace(f"of {ROBOTS}", f"of {ROBOTS + 1}").replace("false", "true")
+        await until(page, f"window.seen === '{with_it}'")
+        await page.press("#map", "0")
+        await after_pictures(page)
+        assert await page.evaluate("window.seen") == with_it

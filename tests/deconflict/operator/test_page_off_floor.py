@@ -41,3 +41,13 @@ async def test_a_robot_is_said_to_be_off_the_floor_and_put_back_by_one_press(bro
         await page.click("#off-floor-lines button")
         await until(page, "document.querySelector('#off-floor-lines button').disabled")
         assert not face.sources.marks[UUID].is_off
+
+
+async def test_a_long_name_of_a_robot_that_is_off_the_floor_pushes_nothing_out_of_sight(
+    browser: "Browser", face: Served
+) -> None:
+    off = {"uuid": robot("A-1"), "name": "W" * 141, "vendor": "Alder", "by": "Q" * 80, "at_s": 5.0, "back_s": None}
+    face.sources.live = {"off_floor": [off | {"still_heard": False}]}
+    async with opened(browser, face, width=360, height=740) as page:
+        await until(page, "!document.getElementById('off-floor-list').hidden")
+        assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth")

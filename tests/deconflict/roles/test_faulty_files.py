@@ -5,6 +5,7 @@
 
 import asyncio
 import json
+import os
 import shutil
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -36,6 +37,8 @@ from tests.deconflict.roles.made_service import CROSSING, Course, Running, Serve
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import robot
 
+LIKE_ANY_USER = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
+"""Starts a program for which the rights of files hold, also if the tests run as root."""
 Harm = Callable[[Path], AbstractContextManager[None]]
 
 
@@ -209,6 +212,29 @@ async def test_processes_start_with_locked_databases_on_a_full_disk_and_none_res
     assert health["store"]["status"] == "in memory"
     assert set(health["restarts"].values()) == {0}
     assert listed["advisories"][0]["state"] != "cleared"
+
+
+async def test_a_service_that_may_not_enter_its_directory_starts_and_warns_and_uses_it_once_it_may(data: Path) -> None:
+    """As a volume of another user. What may not be looked at for a while is not called removed afterwards."""
+    served = Served(data, prefix=LIKE_ANY_USER)
+    before = numbers(data)
+    data.chmod(0)
+    try:
+        with served.running():
+            health = await served.until("/healthz", lambda answer: answer.get("roles", {}).get("engine") == "up")
+            assert "advisories.db: Permission denied; check its owner" in health["files"]["reason"]
+            async with served.with_robots(time.time() - 25.0):
+                listed = await served.until("/advisories", lambda answer: answer.get("advisories"))
+            data.chmod(0o755)
+            await served.until("/healthz", lambda answer: answer["files"]["status"] == "ok")
+            data.chmod(0)
+            await served.until("/healthz", lambda answer: "Permission denied" in answer["files"].get("reason", ""))
+            data.chmod(0o755)
+            health = await served.until("/healthz", lambda answer: answer["files"]["status"] == "ok")
+            assert set(health["restarts"].values()) == {0}
+    finally:
+        data.chmod(0o755)
+    assert {*before, listed["advisories"][0]["seq"]} <= {*numbers(data)}
 
 
 def test_a_directory_that_cannot_be_written_stops_no_start_but_a_second_service_is_refused(disk: Path) -> None:

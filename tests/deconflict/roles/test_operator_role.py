@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import json
 import sqlite3
 import time
 import tracemalloc
@@ -9,12 +10,13 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager, closing
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.operator.blackbox.keeper import SNAPSHOTS
+from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
@@ -25,16 +27,19 @@ from deconflict.runtime.learned_state import packed
 from deconflict.runtime.parcels import STORED, packed_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
+from deconflict.settings.outlet_settings import Webhook
 from deconflict.settings.shared_places import NamedArea
-from deconflict.settings.site import LossSettings, Operator, Site, StoreSettings
+from deconflict.settings.site import LossSettings, Operator, Person, Site, StoreSettings
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation, situations_of
 from ingest.recording.clock_notes import DAY_S
-from ingest.settings import Datum
+from ingest.settings import Datum, Tls
 from metrics.monitoring.exposition import render
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.ledger.made_entries import QUEUED
+from tests.deconflict.operator.outlets.made_outlets import SECRET, heard, hearing
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.made_clock import put_notes
 from tests.helpers.plain_http import http_client
@@ -59,11 +64,14 @@ def kept_bytes() -> int:
 
 
 @asynccontextmanager
-async def serving(data: Path, advisories_bytes: int = 1 << 30) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
+async def serving(
+    data: Path, advisories_bytes: int = 1 << 30, **sections: Any
+) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
     """A role that runs, and the engine's end of its link."""
     with runtime_directory() as runtime:
         stop = asyncio.Event()
-        site = Site(operator=Operator(port=0), store=StoreSettings(advisories_bytes=advisories_bytes))
+        store = StoreSettings(advisories_bytes=advisories_bytes)
+        site = Site(**({"operator": Operator(port=0), "store": store} | sections))
         role = OperatorRole(site, Path(runtime), data, render)
         running = asyncio.create_task(role.run(stop))
         await role.ready.wait()
@@ -166,3 +174,42 @@ async def tell(engine: AsyncCaller, numbers: range) -> None:
         await engine.call("publish", packed_parcel({"passes_s": [float(first)]}, map(to_json, advisories)))
     for number in range(SNAPSHOTS + 1):
         await engine.call("learn", packed({"tick": {"now_s": float(number)}}))
+
+
+async def test_a_role_starts_and_sends_whatever_has_become_of_secrets_and_certificates(tmp_path: Path) -> None:
+    """They were verified when the service started. A role that dies later starts with the files as they are then."""
+    gone, url = f"file:{tmp_path / 'gone'}", "http://127.0.0.1:9/"
+    with hearing() as other:
+        (tmp_path / "secret").write_text(SECRET)
+        webhooks = (
+            Webhook(name="late", url=url, secret=gone),
+            Webhook(name="mes", url=other.url, secret=f"file:{tmp_path / 'secret'}", kinds=("advisory",)),
+        )
+        operator = Operator(
+            port=0, people=(Person(name="Eva", role="administer", token=gone),), tls=Tls(certificate=gone)
+        )
+        async with serving(tmp_path, webhooks=webhooks, operator=operator) as (role, engine):
+            assert await engine.call("publish", packed_parcel({}, [to_json(made(1))])) == STORED
+            await heard(other, 1)
+            assert role.port
+
+
+async def test_a_stuck_disk_holds_up_no_advisory_beside_a_near_miss_nor_what_is_learned(tmp_path: Path) -> None:
+    """Whatever else waits for the disk."""
+    with disk_that_can_stick(tmp_path) as disk:
+        async with serving(disk / "data") as (role, engine):
+            await publish_beside_a_near_miss(engine, 1)
+            await engine.call("answers", b"-1")  # SQLite notes the first reader of new pages in a file
+            with stuck(disk):
+                for number in range(2, 12):
+                    await publish_beside_a_near_miss(engine, number)
+                    assert await engine.call("learn", packed({"tick": {"now_s": float(number)}}))
+            async with http_client() as client:
+                listed = (await client.get(f"http://127.0.0.1:{role.port}/advisories")).json()
+        assert len(listed["advisories"]) == 11
+        assert len(json.loads((disk / "data" / "blackbox" / PENDING).read_text())) == 11
+
+
+async def publish_beside_a_near_miss(engine: AsyncCaller, number: int) -> None:
+    head = {"near_misses": [[f"a{number}", "b", time.time(), ["Alder", "Basalt"]]]}
+    assert await engine.call("publish", packed_parcel(head, [to_json(made(number))])) == STORED

@@ -14,6 +14,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
+from deconflict.roles.role_files import PreparationProgress
 from deconflict.settings.cluster_settings import Cluster
 from deconflict.settings.hot_reload import (
     NEEDS_RESTART,
@@ -27,6 +28,7 @@ from deconflict.settings.site import Conflict, Operator, Site
 from deconflict.settings.site_file import MOST_PROBLEMS, SiteError, load
 from ingest.settings import ReceiverSettings, Vendor
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing
+from tests.deconflict.roles.made_disks import disk_of, fill
 from tests.deconflict.roles.made_service import Served, healthy
 from tests.helpers.made_site import toml
 from tests.helpers.patience import PATIENCE_S
@@ -285,3 +287,21 @@ async def test_an_open_advisory_continues_under_other_settings(tmp_path: Path) -
                 "/advisories?state=all", lambda answer: answer["advisories"][0]["clearance_m"] == 0.6
             )
         assert [advisory["id"] for advisory in after["advisories"]] == [before["advisories"][0]["id"]]
+
+
+def test_a_full_runtime_directory_ends_neither_a_reload_nor_the_preparation_of_an_engine(tmp_path: Path) -> None:
+    """It is in memory, of which containers have little. The old settings hold until there is room."""
+    with disk_of(tmp_path, "256k") as runtime:
+        reloader, current = Reloader(Site(), lambda: Site(name="other"), runtime), CurrentSite(runtime, Site())
+        ballast = fill(runtime)
+        reloader.request()
+        reloader.reload_if_requested()
+        PreparationProgress(runtime).report(0, 3)
+        assert current.changed() is None
+        ballast.unlink()
+        reloader.request()
+        reloader.reload_if_requested()
+        assert (changed := current.changed())
+        assert changed.name == "other"
+        results = json.loads((runtime / RESULTS_FILE).read_text())
+        assert (results["applied"], results["refused"], results["problems"]) == (1, 1, [])

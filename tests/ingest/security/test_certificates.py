@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.serialization import (
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidMessage, InvalidStatus
 
-from ingest.security.certificates import CertificateError, Certificates
+from ingest.security.certificates import CertificateError, Certificates, server_context
 from ingest.settings import Tls, Vendor
 from tests.ingest.port.made_receiver import floor, until
 from tests.ingest.security.made_tls import trusting, write
@@ -82,16 +82,16 @@ async def test_changed_certificates_hold_for_new_connections(authority: trustme.
 def test_files_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     (tmp_path / "site.pem").write_text("no certificate")
     with pytest.raises(CertificateError, match=r"site\.pem"):
-        Certificates(Tls(certificate=str(tmp_path / "site.pem")))
+        server_context(Tls(certificate=str(tmp_path / "site.pem")))
     os.mkfifo(tmp_path / "pipe.pem")
     with pytest.raises(CertificateError, match=r"pipe\.pem is a pipe where a file is expected"):
-        Certificates(Tls(certificate=str(tmp_path / "pipe.pem")))
+        server_context(Tls(certificate=str(tmp_path / "pipe.pem")))
     encrypted = trustme.CA().issue_cert("127.0.0.1")
     key = load_pem_private_key(encrypted.private_key_pem.bytes(), None)
     locked = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"its password"))
     (tmp_path / "site.pem").write_bytes(locked + encrypted.cert_chain_pems[0].bytes())
     with pytest.raises(CertificateError, match=r"site\.pem"):
-        Certificates(Tls(certificate=str(tmp_path / "site.pem")))
+        server_context(Tls(certificate=str(tmp_path / "site.pem")))
 
 
 @pytest.mark.parametrize("spoilt", ["key of the earlier", "no key", "no clients"])
@@ -117,6 +117,26 @@ async def test_files_that_do_not_fit_together_change_nothing_until_they_do(
         files[late].write_bytes(after)
         certificates.refresh()
         await (await connect(url, ssl=trusting(renewed))).close()
+
+
+async def test_a_port_that_begins_with_files_that_do_not_fit_together_takes_nobody_until_they_do(
+    authority: trustme.CA, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    files = {name: tmp_path / f"{name}.pem" for name in ("certificate", "key", "clients")}
+    write_files(authority, files)
+    key = files["key"].read_bytes()
+    files["key"].unlink()
+    async with floor(tls=Tls(**{name: str(file) for name, file in files.items()})) as served_floor:
+        assert "nobody can connect until the certificates can be used" in caplog.text
+        url = f"wss://127.0.0.1:{served_floor.receiver.port}"
+        anybody = trusting(authority)
+        anybody.set_ciphers("ALL:@SECLEVEL=0")
+        with pytest.raises((ssl.SSLError, ConnectionError, InvalidMessage)):
+            await connect(url, ssl=anybody)
+        await until(lambda: served_floor.count("tls-failed") == 1)
+        files["key"].write_bytes(key)
+        served_floor.receiver._certificates.refresh()  # type: ignore[union-attr]
+        await (await connect(url, ssl=trusting(authority))).close()
 
 
 async def test_an_authority_that_was_taken_out_is_not_trusted_after_the_files_are_read_again(

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from ingest.security.tokens import SecretError, Tokens, secret
+from ingest.security.tokens import SecretError, Tokens, secret, verify_tokens
 
 ALDER, BASALT = "alder-0123456789abcdef", "basalt-0123456789abcdef"
 
@@ -69,4 +69,19 @@ def test_an_unreadable_secret_says_what_to_change(source: str, expected: str, mo
 def test_two_owners_of_one_token_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ONE", ALDER)
     with pytest.raises(SecretError, match="give each its own"):
-        Tokens({"Alder": "env:ONE", "Basalt": "env:ONE"})
+        verify_tokens({"Alder": "env:ONE", "Basalt": "env:ONE"})
+    assert Tokens({"Alder": "env:ONE", "Basalt": "env:ONE"}).owner(f"Bearer {ALDER}") is None
+
+
+def test_an_owner_whose_token_could_never_be_read_gets_in_once_it_can(sources: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "alder").unlink()
+    with pytest.raises(SecretError, match="Alder: file:"):
+        verify_tokens(sources)
+    tokens = Tokens(sources)
+    assert tokens
+    assert tokens.digest("Alder") is None
+    assert tokens.owner("Bearer ") is tokens.owner(None) is tokens.owner(f"Bearer {ALDER}") is None
+    assert tokens.owner(f"Bearer {BASALT}") == "Basalt"
+    (tmp_path / "alder").write_text(ALDER)
+    tokens.refresh()
+    assert tokens.owner(f"Bearer {ALDER}") == "Alder"

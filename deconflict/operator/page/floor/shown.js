@@ -10,6 +10,7 @@ const FROZEN = ["lost", "stale"]; // states in which the live floor is drawn as 
 export class Shown {
   constructor(live, feed) {
     Object.assign(this, { live, feed });
+    this.faults = new Map(); // by part of the page, why it can't be shown: it stands still
     this.turns = new Turns(); // each choice of a time is one
     this.choose(null);
   }
@@ -47,6 +48,7 @@ export class Shown {
 
   // The name of the state that is shown, and a sentence.
   get status() {
+    if (this.faults.size) return ["stale", `This page can't show what the service says. Load it anew; if that does not help, report: ${[...this.faults.values()].join("; ")}`];
     const [state, sentence] = this.recorded ? ["past", `Showing ${clock(this.atS)}, ${ago(this.live.nowS() - this.atS)}`] : liveStatus(this.live, this.feed);
     if (this.isReading) return [state, `Reading ${clock(this.chosenS)}… ${sentence}`];
     return [state, this.problem ? `${clock(this.chosenS)} can't be shown: ${this.problem}. ${sentence}` : sentence];

@@ -1,6 +1,7 @@
 // Maps metres on a floor (y upwards) to pixels on the canvas. Moved by pointer, wheel and keys.
 
-const SMALLEST = 2, LARGEST = 400;
+const SMALLEST = 0.5, LARGEST = 400; // pixels for a metre
+const FILLED = 0.94; // by what is fitted, of the map
 
 export class Camera {
   // `changed` gets "moved" or "zoomed" if somebody did it by hand.
@@ -32,9 +33,12 @@ export class Camera {
   fit([left, bottom, right, top]) {
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2;
-    this.scale = this.bounded(0.94 * Math.min(this.width / Math.max(right - left, 4), this.height / Math.max(top - bottom, 4)));
+    this.scale = this.bounded(FILLED * Math.min(this.width / Math.max(right - left, 4), this.height / Math.max(top - bottom, 4)));
     this.changed();
   }
+
+  // The width and height of the most that can be fitted.
+  get mostM() { return [this.width, this.height].map((px) => (FILLED * px) / SMALLEST); }
 
   centreOn(x, y) {
     [this.x, this.y] = [x, y];
@@ -49,7 +53,7 @@ export class Camera {
     this.changed("zoomed");
   }
 
-  bounded(scale) { return Math.min(Math.max(scale, SMALLEST / 4), LARGEST); }
+  bounded(scale) { return Math.min(Math.max(scale, SMALLEST), LARGEST); }
 
   down(event) {
     this.canvas.setPointerCapture(event.pointerId);

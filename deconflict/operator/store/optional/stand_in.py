@@ -18,7 +18,7 @@ from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict_client.advisory import ADVISORY_KINDS, EVERY_KIND, ClearedCode
 from deconflict_client.situations import AnyRevision
-from ingest.plain_files import unfit_database
+from ingest.plain_files import UnfitDatabaseError, check_database
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +92,9 @@ def readable_state(path: Path) -> State | None:
     A file that another program keeps locked can often be read. On a full disk SQLite has no room for the memory that
     connections share, and one connection alone needs none. On a read-only disk a file without a log is whole by itself.
     """
-    if unfit_database(path):
+    try:
+        check_database(path)
+    except UnfitDatabaseError:
         return None
     uri, log_file = path.absolute().as_uri(), path.with_name(f"{path.name}-wal")
     attempts = [("mode=ro", ""), ("mode=rw", "PRAGMA locking_mode = EXCLUSIVE")]

@@ -68,6 +68,7 @@ def test_pending_near_misses_survive_a_restart_and_are_bounded(tmp_path: Path) -
     store, measures = Store(tmp_path), Measures()
     keeper = Keeper(SETTINGS, tmp_path, store, measures)
     keeper.note(NearPair("a", f"{number:04}", 5.0) for number in range(MOST_PAIRS + 3))
+    keeper.write_pending()
     assert measures.values["deconflict_blackboxes_total"][("beyond",)] == 3
     assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == MOST_PAIRS
     store.close()
@@ -83,6 +84,7 @@ def test_many_near_misses_of_two_vendors_leave_room_for_those_of_others(tmp_path
         keeper.note(NearPair(f"flood {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(MOST_PAIRS + 3))
         keeper.note([NearPair("a", "b", 5.0, ("Alder", "Basalt"))])
         keeper.note(NearPair(f"late {number}", "x", 5.0, ("Mallory", "Mallory")) for number in range(3))
+        keeper.write_pending()
         assert noted() == [*(f"flood {number}" for number in range(MOST_PAIRS - 1)), "a"]
         assert measures.values["deconflict_blackboxes_total"]["beyond",] == 7
 

@@ -1,6 +1,7 @@
 """Outlets that begin, end and change while the service runs."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -16,7 +17,6 @@ from deconflict.operator.outlets.webhook_signatures import SignatureError, signe
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store
 from deconflict.settings.outlet_settings import Mqtt, Webhook
-from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import (
     SECRET,
@@ -25,6 +25,7 @@ from tests.deconflict.operator.outlets.made_outlets import (
     delivered,
     heard,
     hearing,
+    held_now,
     kept,
     needs_mosquitto,
     numbers,
@@ -101,17 +102,31 @@ async def test_a_removed_outlet_sends_nothing_and_has_no_measures(tmp_path: Path
         assert numbers(other.heard) == [2]
 
 
-async def test_without_its_secret_nothing_changes(tmp_path: Path) -> None:
-    with hearing() as other:
-        async with outlets(tmp_path) as (running, _, publisher):
-            running.renew([hook(other, tmp_path)], None)
-            await until(lambda: waiting(publisher))
-            broken = hook(other, tmp_path, "new").model_copy(update={"secret": "env:NOWHERE_TO_BE_FOUND"})
-            with pytest.raises(SecretError, match="NOWHERE_TO_BE_FOUND"):
-                running.renew([broken], Mqtt(host="127.0.0.1"))
+@needs_mosquitto
+async def test_an_outlet_whose_secret_is_missing_waits_for_it_and_the_others_go_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    late = tmp_path / "late"
+    with hearing() as other, hearing() as waited:
+        async with outlets(tmp_path) as (running, _, publisher), broker() as port:
+            secret = {"secret": f"file:{late}"}
+            mqtt = Mqtt(host="127.0.0.1", port=port, user="us", password=f"file:{late}", retry_s=(0.02, 0.1))
+            hooks = [hook(waited, tmp_path, "late").model_copy(update=secret), hook(other, tmp_path)]
+            running.renew(hooks, mqtt.model_copy(update={"kinds": ("advisory",)}))
+            await until(lambda: waiting(publisher) == {"late", "mes", "mqtt"})
             await publisher.publish([made(1)])
             await heard(other, 1)
-        assert waiting(publisher) == {"mes"}
+            failures = publisher.measures.values["deconflict_outlet_failures_total"]
+            await until(lambda: failures["late",] and failures["mqtt",])
+            for outlet, missing in (("late", "secret"), ("mqtt", "password")):
+                assert f"{outlet} accepts no revisions and is tried again: its {missing} can't be read" in caplog.text
+            assert not waited.heard
+            assert not await held_now(port)
+            late.write_text(SECRET)
+            running.refresh()
+            await heard(waited, 1)
+            await retained(port, {"service", f"advisories/{made(1).id}"})
+        verified(*waited.heard[0], SECRET, time.time())
 
 
 async def test_a_changed_secret_signs_from_then_on_and_a_lost_one_stays(tmp_path: Path) -> None:

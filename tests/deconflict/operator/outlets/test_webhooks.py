@@ -15,7 +15,6 @@ from deconflict.operator.store.publisher import Publisher
 from deconflict.settings.outlet_settings import Webhook
 from ingest.measures.measures import Measures
 from ingest.measures.outages import QUIET_S
-from ingest.security.tokens import SecretError
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.outlets.made_outlets import SECRET, hearing, kept, numbers, posting, working
 from tests.helpers.made_advisories import cleared, cleared_situation, made, situation
@@ -163,13 +162,6 @@ async def test_a_receiver_that_comes_and_goes_is_logged_once_and_then_counted(
         "mes accepts revisions again",
     ]
     assert "after 2 more outages" in caplog.text
-
-
-def test_a_missing_secret_is_named(tmp_path: Path) -> None:
-    with kept(tmp_path) as (store, publisher):
-        settings = Webhook(name="mes", url="http://127.0.0.1/", secret=f"file:{tmp_path / 'nothing'}")
-        with pytest.raises(SecretError, match="nothing: FileNotFoundError"):
-            WebhookOutlet(settings, StoreCursor("mes", ["advisory"], store, publisher))
 
 
 async def test_a_webhook_receives_situations_unless_it_asks_for_other_kinds(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def use_pending(data: Path) -> None:
     with closing(OptionalStore(data)) as store:
         keeper = Keeper(Site(), data, store, Measures())
         keeper._read_pending()
-        keeper.note(())
+        keeper.write_pending()
 
 
 def use_register(data: Path) -> str:
