@@ -1,7 +1,7 @@
 """What a forecast is made from and what it is made of."""
 
 from collections.abc import Sequence
-from math import copysign, inf
+from math import copysign, inf, pi
 from typing import Protocol
 
 import msgspec
@@ -107,6 +107,11 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     def way_rad(self) -> float:
         """The direction of its speed, unless that is negative."""
         return self.yaw_rad + self.sideways_rad
+
+    @property
+    def direction_rad(self) -> float:
+        """In which it drives; nan if its heading is unknown."""
+        return self.way_rad + (pi if self.linear_mps and self.linear_mps < 0.0 else 0.0)
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):
