@@ -193,15 +193,15 @@ def _turned_on_spot(before: Pose, now: Pose, limits: Limits) -> bool:
 
 @inner
 def _is_along(before: Pose, now: Pose, speed_mps: float, limits: Limits) -> bool:
-    """Whether a move certainly is along the heading, and the sign of the speed is right."""
+    """Whether a move certainly is as fast as stated, along the heading, and the sign of the speed is right."""
     dx, dy, turned_rad = now[1] - before[1], now[2] - before[2], _turn_between(before[3], now[3])
     travel_rad, moved_m, drives_rad = atan2(dy, dx), hypot(dx, dy), now[3] + (0.0 if speed_mps > 0.0 else pi)
     drift_rad = abs(_turn_between(drives_rad - turned_rad / 2, travel_rad))
     drifts = drift_rad > limits.drift_rad and moved_m * drift_rad > limits.moved_m
     stated_m = abs(speed_mps) * (now[0] - before[0])
     is_as_fast = limits.least_as_moved * moved_m <= stated_m <= limits.most_as_moved * moved_m
-    drifts &= abs(turned_rad) <= limits.corner_rad and is_as_fast
-    return bool(abs(_turn_between(drives_rad, travel_rad)) <= pi / 4 and not drifts)
+    drifts &= abs(turned_rad) <= limits.corner_rad
+    return bool(is_as_fast and abs(_turn_between(drives_rad, travel_rad)) <= pi / 4 and not drifts)
 
 
 @inner

@@ -80,8 +80,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Time since the sighting before; 0 if that shows nothing of the motion."""
     is_driving: bool = False
     """Whether it drives by this and the sighting before."""
+    stated_share: float = 1.0
+    """Its speed, as stated, as a share of that of the move since the sighting before; 1 if they are near each other."""
     is_overruled: bool = False
-    """Whether its speed was observed, since it was stated to stand and moved."""
+    """Whether its speed was observed, since that was stated otherwise twice."""
     state: str = ""
     """The operational state that it stated."""
     standing_s: float = 0.0

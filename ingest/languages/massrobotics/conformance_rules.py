@@ -88,7 +88,11 @@ _WHERE = (
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
-    in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
+    in_context(
+        "speed-contradicts-motion",
+        "It moves much faster or slower than it says, twice; the observed speed is used.",
+        "5.2.2",
+    ),
     in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
     in_context(
         "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"

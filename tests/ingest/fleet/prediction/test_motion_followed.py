@@ -714,6 +714,28 @@ def test_a_path_that_is_over_soon_after_the_next_report_goes_on(every_s: float) 
     assert at(made.forecast, NOW_S + 120 + every_s + 4)[0] == pytest.approx(120 + every_s + 4)
 
 
+@pytest.mark.parametrize("share", [3.6, 1 / 3.6, 2.237, 60.0, -3.6], ids=["km/h", "as if km/h", "mph", "%", "sign too"])
+@pytest.mark.parametrize("every_s", [0.2, 1.0, 5.0])
+def test_a_robot_that_states_its_speed_in_another_unit_is_foreseen_as_it_moves(share: float, every_s: float) -> None:
+    made = driven(hall(), seconds=15, every_s=every_s, says=lambda _: {"velocity": {"linear": 0.8 * share}}, mps=0.8)
+    assert at(made.forecast, NOW_S + 25)[0] == pytest.approx(20.0)
+    assert made.deviations["speed-contradicts-motion"] >= 2
+
+
+@pytest.mark.parametrize("brakes_mps2", [0.5, 1.0, 2.0])
+def test_the_speed_of_a_robot_that_starts_or_brakes_is_what_it_says(brakes_mps2: float) -> None:
+    of, x, mps = hall(), 0.0, 0.0
+    for second in range(20):
+        aim_mps = 1.6 if second < 10 else 0.0
+        for _ in range(100):
+            mps += min(max(aim_mps - mps, -0.01 * brakes_mps2), 0.01 * brakes_mps2)
+            x += 0.01 * mps
+        of.receive(status("A", NOW_S + second, x, velocity={"linear": mps}), NOW_S + second, LINE)
+        seen = of.robots[robot("A")].seen
+        assert seen
+        assert seen.linear_mps == pytest.approx(mps)
+
+
 def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate() -> None:
     seen, _ = reported(
         hall(), 4.0, lambda s: (0.0, 0.0, 0.25 * (round(10 * s) % 2)), 10.0, velocity=None, operationalState="idle"
