@@ -67,6 +67,11 @@ _WHEN = (
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
     in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
     in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
+    in_context(
+        "stamp-unchanged",
+        "The clock stands: others had this time for over two seconds; as of its arrival.",
+        "5.1.2",
+    ),
     in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
     in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
     in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),

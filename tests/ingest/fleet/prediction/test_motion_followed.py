@@ -18,7 +18,7 @@ from ingest.fleet.robot import Robot
 from ingest.settings import Datum
 from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
-from tests.helpers.saying import HALL, angle, points, robot, status
+from tests.helpers.saying import HALL, angle, points, robot, stamp, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
@@ -734,6 +734,26 @@ def test_the_speed_of_a_robot_that_starts_or_brakes_is_what_it_says(brakes_mps2:
         seen = of.robots[robot("A")].seen
         assert seen
         assert seen.linear_mps == pytest.approx(mps)
+
+
+@pytest.mark.parametrize("keys", [{}, {"path": points(*((NOW_S + 3600, float(x), 0.0, 0.0) for x in (60, 70)))}])
+def test_a_robot_whose_clock_stands_is_where_it_says_when_its_messages_arrive(keys: dict[str, Any]) -> None:
+    of, stands = hall(), {"timestamp": stamp(NOW_S)}
+    for second in range(12):
+        raw = status("A", NOW_S, float(second), velocity={"linear": 1.0}, **stands, **keys)
+        of.receive(raw, NOW_S + second, LINE)
+    made = of.robots[robot("A")]
+    assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0)
+    assert made.deviations["stamp-unchanged"] >= 8
+
+
+def test_a_status_that_is_sent_again_stays_as_old_as_it_is() -> None:
+    of, raw = hall(), status("A", NOW_S, velocity={"linear": 1.0})
+    for second in range(9):
+        of.receive(raw, NOW_S + second, LINE)
+    made = of.robots[robot("A")]
+    assert at(made.forecast, NOW_S + 9)[0] == pytest.approx(9.0)
+    assert "stamp-unchanged" not in made.deviations
 
 
 def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate() -> None:
