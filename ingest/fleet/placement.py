@@ -107,7 +107,7 @@ class Placement:
 
     def is_in_degrees(self, message: object) -> bool:
         """Whether the message is a status on a datum in degrees, so that its location may be no place on Earth."""
-        return isinstance(message, Status) and message.datum in self._frames.in_degrees
+        return isinstance(message, Status) and self._frames.is_in_degrees(message.datum)
 
     def sighting(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
         """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate.

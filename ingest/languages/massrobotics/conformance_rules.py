@@ -86,7 +86,11 @@ _WHERE = (
     Rule("datum-key", "The datum is under the key of the other kind of location; read.", "schema"),
     Rule("datum-missing", "The location's datum is absent, empty or nil; compared with nothing.", "3.3.1"),
     Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
-    Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
+    Rule(
+        "datum-not-uuid",
+        "No UUID with dashes; read without dashes or in braces, else used as a name in lower case.",
+        "3.2.1",
+    ),
     in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
     in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
     *unit_rules("3.3"),
