@@ -59,7 +59,8 @@ def clock(sender: SenderClock, tolerance_s: float, resolution_s: float) -> tuple
 def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[str, ...]]:
     """`now` with heading, speed and turn rate corrected by the motion since `before`, and the deviations.
 
-    An unknown heading becomes the direction of travel, or the heading before if the robot has not moved. A speed that
+    An unknown heading becomes the direction of travel, or the other one of a robot that says that it backs up, or the
+    heading before if the robot has not moved. A speed that
     was not sent becomes the observed one, as does one that is twice far from the observed one. A speed
     without sign gets the sign of the motion, and the direction of two moves. A turn rate that contradicts the headings
     becomes 0; one that was not sent becomes the observed one of a robot that stands.
@@ -130,7 +131,8 @@ def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
     dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
     moved_m = hypot(dx, dy)
     if isnan(now.yaw_rad):
-        now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
+        backs_rad = pi if now.linear_mps is not None and now.linear_mps < 0.0 else 0.0
+        now = replace(now, yaw_rad=atan2(dy, dx) + backs_rad if moved_m > MOVED_M else before.yaw_rad)
     if now.linear_mps is not None:
         return now
     sideways_rad = turn_between(now.yaw_rad, atan2(dy, dx))

@@ -18,7 +18,7 @@ from ingest.fleet.robot import Robot
 from ingest.settings import Datum
 from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
-from tests.helpers.saying import HALL, angle, points, robot, stamp, status
+from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
@@ -692,7 +692,8 @@ def test_path_times_that_hold_back_a_robot_that_drives_are_replaced(time_of_poin
     of = hall()
     made = driven(of, seconds=5, says=path)
     assert made.forecast
-    assert (made.forecast.basis, at(made.forecast, NOW_S + 15)[0]) == (Basis.PATH, pytest.approx(15.0))
+    assert made.forecast.basis is Basis.PATH
+    assert at(made.forecast, NOW_S + 15)[0] == pytest.approx(15.0)
     assert made.deviations["path-retimed"] >= 4
 
 
@@ -738,9 +739,9 @@ def test_the_speed_of_a_robot_that_starts_or_brakes_is_what_it_says(brakes_mps2:
 
 @pytest.mark.parametrize("keys", [{}, {"path": points(*((NOW_S + 3600, float(x), 0.0, 0.0) for x in (60, 70)))}])
 def test_a_robot_whose_clock_stands_is_where_it_says_when_its_messages_arrive(keys: dict[str, Any]) -> None:
-    of, stands = hall(), {"timestamp": stamp(NOW_S)}
+    of = hall()
     for second in range(12):
-        raw = status("A", NOW_S, float(second), velocity={"linear": 1.0}, **stands, **keys)
+        raw = status("A", NOW_S, float(second), velocity={"linear": 1.0}, **keys)
         of.receive(raw, NOW_S + second, LINE)
     made = of.robots[robot("A")]
     assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0)
@@ -754,6 +755,15 @@ def test_a_status_that_is_sent_again_stays_as_old_as_it_is() -> None:
     made = of.robots[robot("A")]
     assert at(made.forecast, NOW_S + 9)[0] == pytest.approx(9.0)
     assert "stamp-unchanged" not in made.deviations
+
+
+@pytest.mark.parametrize("keys", [{}, {"path": points(*((NOW_S - 90 + x, 5.0 * x, 0.0, pi) for x in range(8)))}])
+def test_a_robot_that_backs_up_and_has_no_heading_is_foreseen_as_it_moves(keys: dict[str, Any]) -> None:
+    of = hall()
+    for second in range(6):
+        here = {"x": float(second), "y": 0.0, "planarDatum": HALL}
+        of.receive(status("A", NOW_S + second, location=here, velocity={"linear": -1.0}, **keys), NOW_S + second, LINE)
+    assert at(of.robots[robot("A")].forecast, NOW_S + 15)[0] == pytest.approx(15.0, abs=0.01)
 
 
 def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate() -> None:
