@@ -4,6 +4,7 @@ Each is a frozen section of the site file, which `deconflict/settings/site.py` c
 error. A field with a unit names it. The docstring of a field says what it means.
 """
 
+import re
 from math import inf
 from typing import Annotated, Literal, Self, get_args
 
@@ -33,6 +34,15 @@ Envelope = tuple[Size, Size, Metres]
 """Length along the heading, width across it, and height, in metres. A height of 0 means unknown."""
 SecretSource = Annotated[str, Field(pattern=r"^((env|file):.+)?$")]
 """Source of a secret: `env:NAME` or `file:PATH`."""
+_HEX = re.compile(r"[0-9a-f]{32}")
+
+
+def plain_uuid(text: str) -> str | None:
+    """The UUID that a text spells, also without dashes, in braces or after `urn:uuid:`: in lower case with dashes."""
+    digits = text.strip().lower().removeprefix("urn:uuid:").strip("{}").replace("-", "")
+    if not _HEX.fullmatch(digits):
+        return None
+    return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
 
 
 class Section(BaseModel):

@@ -36,6 +36,7 @@ LIMITS = np.dtype(
         ("centre_y_m", np.float64),  # envelope centre to the left of the location
         ("jump_mps", np.float64),  # a path that needs a higher speed than this contradicts the motion
         ("jump_slack_m", np.float64),  # length that a path may jump in addition
+        ("late_s", np.float64),  # `path_forecast.LATE_S`
         ("horizon_s", np.float64),  # `Reading.horizon_s`
         ("quiet_after_s", np.float64),  # `Reading.quiet_after_s`
         ("whole_path_s", np.float64),  # a path that ends sooner goes on, see `way_on`
@@ -99,17 +100,27 @@ def _write_knot(knots: Floats, row: int, t_s: float, x: float, y: float, yaw_rad
 
 
 @inner
-def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, table: Floats, knots: Floats) -> int:
+def _by_path(
+    points: Floats,
+    here: Pose,
+    speed_mps: float,
+    gap_s: float,
+    offset_s: float,
+    limits: Limits,
+    table: Floats,
+    knots: Floats,
+) -> int:
     """Write the knots from `here` along the path. Returns their number, at most one more than `points`.
 
-    As `path_forecast.route_by_path`. Returns 0 if the path has to be retimed, jumps, or ends before the horizon.
+    As `path_forecast.route_by_path`. Path times plus `offset_s` are service time. Returns 0 if the path may have to be
+    retimed, jumps, or is short, see `forecast._beyond`.
     """
     t_s, x, y, yaw_rad = here
     until_s = t_s + limits.horizon_s + limits.quiet_after_s
     _write_knot(knots, 0, t_s, x, y, yaw_rad, limits)
     count, before_s, last_s = 1, -inf, t_s
     for i in range(len(points)):
-        at_s = points[i, 0] + clock_offset_s
+        at_s = points[i, 0] + offset_s
         if not at_s > before_s:
             return 0
         before_s = at_s
@@ -119,9 +130,12 @@ def _by_path(points: Floats, here: Pose, clock_offset_s: float, limits: Limits, 
         reach_m = limits.jump_mps * (at_s - last_s) + limits.jump_slack_m
         if not (to_x - x) * (to_x - x) + (to_y - y) * (to_y - y) < reach_m * reach_m * NEARLY:
             return 0
+        lost_m = (at_s - t_s - limits.late_s) * abs(speed_mps)
+        if count == 1 and abs(speed_mps) > limits.drives_mps and lost_m > hypot(to_x - x, to_y - y) * NEARLY:
+            return 0
         _write_knot(knots, count, at_s, to_x, to_y, to_rad, limits)
         count, last_s, x, y = count + 1, at_s, to_x, to_y
-    reaches = last_s >= limits.whole_path_s + t_s
+    reaches = last_s >= limits.whole_path_s + t_s + max(gap_s - limits.horizon_s / 2, 0.0)
     return count if count > 1 and reaches else 0
 
 
@@ -179,15 +193,15 @@ def _turned_on_spot(before: Pose, now: Pose, limits: Limits) -> bool:
 
 @inner
 def _is_along(before: Pose, now: Pose, speed_mps: float, limits: Limits) -> bool:
-    """Whether a move certainly is along the heading, and the sign of the speed is right."""
+    """Whether a move certainly is as fast as stated, along the heading, and the sign of the speed is right."""
     dx, dy, turned_rad = now[1] - before[1], now[2] - before[2], _turn_between(before[3], now[3])
     travel_rad, moved_m, drives_rad = atan2(dy, dx), hypot(dx, dy), now[3] + (0.0 if speed_mps > 0.0 else pi)
     drift_rad = abs(_turn_between(drives_rad - turned_rad / 2, travel_rad))
     drifts = drift_rad > limits.drift_rad and moved_m * drift_rad > limits.moved_m
     stated_m = abs(speed_mps) * (now[0] - before[0])
     is_as_fast = limits.least_as_moved * moved_m <= stated_m <= limits.most_as_moved * moved_m
-    drifts &= abs(turned_rad) <= limits.corner_rad and is_as_fast
-    return bool(abs(_turn_between(drives_rad, travel_rad)) <= pi / 4 and not drifts)
+    drifts &= abs(turned_rad) <= limits.corner_rad
+    return bool(is_as_fast and abs(_turn_between(drives_rad, travel_rad)) <= pi / 4 and not drifts)
 
 
 @inner
@@ -260,10 +274,11 @@ def forecast_repeat(
     is_same = loaded == (limits.loaded != 0.0) and not turns_on_spot
     is_same &= not (isnan(scanned[1, 2]) and _turned_on_spot(before, here, limits))
     if is_same and _is_plausible(before, here, speed_mps, turn_radps, limits):
+        gap_s = event_s - before_s
         if limits.basis == BY_VELOCITY:
-            knots = _by_velocity(here, speed_mps, turn_radps, event_s - before_s, limits, rows)
+            knots = _by_velocity(here, speed_mps, turn_radps, gap_s, limits, rows)
         elif limits.basis == BY_PATH:
-            knots = _by_path(points, here, offset_s, limits, table, rows)
+            knots = _by_path(points, here, speed_mps, gap_s, offset_s, limits, table, rows)
         elif abs(speed_mps) <= limits.drives_mps:
             _write_knot(rows, 0, event_s, x, y, yaw_rad, limits)
             knots = 1

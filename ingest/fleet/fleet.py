@@ -143,8 +143,7 @@ class Fleet:
         if isinstance(message, Identity):
             findings = self._update_identity(robot, message.sized_as(robot.identity), raw, arrival_s, connection)
         elif isinstance(message, Status):
-            stamp = message.stamp_s, message.stamp_resolution_s
-            event_s, findings = self.placement.event_time(robot, *stamp, arrival_s)
+            event_s, findings = self.placement.event_time(robot, message, raw, arrival_s)
             findings += self._update_status(robot, message, raw, arrival_s, event_s, connection)
         elif is_remembered and robot.seen:
             robot.is_outdated, self._changed[robot.uuid] = True, robot
@@ -156,7 +155,7 @@ class Fleet:
         """Process a status that may repeat the robot's last one. If it does not, it is read in full."""
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
-        event_s, findings = self.placement.event_time(robot, scanned.stamp_s, scanned.stamp_resolution_s, arrival_s)
+        event_s, findings = self.placement.event_time(robot, scanned, scanned.raw, arrival_s)
         found, oddities = reader.read(scanned, event_s), reader.texts.oddities
         if found is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))

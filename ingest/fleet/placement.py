@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from math import hypot, isfinite, isinf, isnan, nan
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -32,6 +33,9 @@ from ingest.sizes.model_sizes import ModelSizes
 from ingest.sizes.site_sizes import site_figures
 from ingest.sizes.stated_bodies import BodyReading, read_body
 from ingest.sizes.stated_loads import NO_LOADS, StatedLoad, read_loads
+
+if TYPE_CHECKING:  # a receiver starts without numba
+    from ingest.fast_path.status_scanner import ScannedStatus
 
 BEGUN_S = 1.0
 """A path of a robot that sends no stamp may have begun so long ago, for it should be renewed once a second."""
@@ -64,16 +68,21 @@ class Placement:
         self._shared_context.cache_clear()
 
     def event_time(
-        self, robot: Robot, stamp_s: float, resolution_s: float, arrival_s: float
+        self, robot: Robot, status: "Status | ScannedStatus", raw: bytes, arrival_s: float
     ) -> tuple[float, tuple[str, ...]]:
         """When the pose of a status was true, by the sender's corrected clock, and the deviations.
 
-        A status without a stamp has no resolution of it either, and counts from its arrival.
+        A status without a stamp has no resolution of it either, and counts from its arrival. So does another one with
+        the stamp of the last, once that is stale: the clock stands.
         """
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
+        resolution_s, clock = status.stamp_resolution_s, robot.clock
         if isinf(resolution_s):
             return arrival_s, findings
-        event_s = robot.clock.event_time(stamp_s, arrival_s, resolution_s)
+        event_s = clock.event_time(status.stamp_s, arrival_s, resolution_s)
+        is_stale = clock.delay_s > plausibility.STALE_S + resolution_s
+        if is_stale and clock.is_same_stamp and raw != robot.status_raw:
+            return arrival_s, (*findings, "stamp-unchanged")
         return event_s, findings + plausibility.clock(robot.clock, self._reading.clock_tolerance_s, resolution_s)
 
     def rejection(self, status: Status, vendor: str) -> Rejection | None:
@@ -98,7 +107,7 @@ class Placement:
 
     def is_in_degrees(self, message: object) -> bool:
         """Whether the message is a status on a datum in degrees, so that its location may be no place on Earth."""
-        return isinstance(message, Status) and message.datum in self._frames.in_degrees
+        return isinstance(message, Status) and self._frames.is_in_degrees(message.datum)
 
     def sighting(self, robot: Robot, status: Status, event_s: float) -> tuple[Frame, Sighting]:
         """Where the status puts the robot, in the floor's frame. A left-handed map reverses the turn rate.

@@ -24,7 +24,7 @@ from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import is_out_of_reach
 from ingest.fleet.prediction.pace import SPACED_S
-from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, jump_mps
+from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, LATE_S, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS, TURNS_RADPS
@@ -180,6 +180,7 @@ def _limits(context: ForecastContext) -> tuple[float, ...]:
         *body.offset_m,
         jump_mps(body),
         JUMP_SLACK_M,
+        LATE_S,
         reading.horizon_s,
         reading.quiet_after_s,
         reading.horizon_s - SHORT_BY_S,

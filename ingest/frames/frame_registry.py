@@ -12,7 +12,7 @@ import numpy as np
 from ingest.frames.fitting import Fit, FitError, fit
 from ingest.frames.projection import Projection
 from ingest.frames.transforms import Transform
-from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
+from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap, plain_uuid
 
 LONGEST_NAME = 200
 """Letters of a datum that the site does not have. Each batch and advisory there names it."""
@@ -58,13 +58,12 @@ class FrameRegistry:
     def __init__(self, datums: Sequence[Datum], vendors: Sequence[Vendor]) -> None:
         """Raises `FitError`, with vendor and datum, for readings to which nothing can be fitted."""
         by_id = {datum.id: datum for datum in datums}
-        self._datums = {datum.id: _frame_of_datum(datum) for datum in datums}
-        self.floors = frozenset(self._datums)
+        self._datums = {_key(datum.id): _frame_of_datum(datum) for datum in datums}
+        self.floors = frozenset(by_id)
         """Ids of the floors of the site file."""
-        self.in_degrees = frozenset(name for name, frame in self._datums.items() if frame.projection)
-        """Datums in degrees. A location on one may be no place on Earth."""
+        self._in_degrees = frozenset(key for key, frame in self._datums.items() if frame.projection)
         self._maps = {
-            (vendor.name, vendor_map.datum): _frame_of_map(vendor, vendor_map, by_id[vendor_map.site_datum])
+            (vendor.name, _key(vendor_map.datum)): _frame_of_map(vendor, vendor_map, by_id[vendor_map.site_datum])
             for vendor in vendors
             for vendor_map in vendor.maps
         }
@@ -75,12 +74,22 @@ class FrameRegistry:
         A datum that the site does not have names a floor shared by all vendors that name it, since by the standard the
         id is that of the frame. A nil, missing or overlong datum names no frame and is compared with nothing.
         """
-        found = self._maps.get((vendor, datum)) or self._datums.get(datum)
+        key = _key(datum)
+        found = self._maps.get((vendor, key)) or self._datums.get(key)
         if found:
             return found
-        if datum in ("", NIL_DATUM) or len(datum) > LONGEST_NAME:
+        if key in ("", NIL_DATUM) or len(key) > LONGEST_NAME:
             return Frame(f"unknown:{vendor}", known=False, comparable=False)
-        return Frame(datum, known=False)
+        return Frame(key, known=False)
+
+    def is_in_degrees(self, datum: str) -> bool:
+        """Whether the site's datum is in degrees, so that a location on it may be no place on Earth."""
+        return bool(self._in_degrees) and _key(datum) in self._in_degrees
+
+
+def _key(datum: str) -> str:
+    """By what a datum is found, however its UUID is spelt."""
+    return plain_uuid(datum) or datum
 
 
 def fit_map(vendor_map: VendorMap, datum: Datum) -> Fit:

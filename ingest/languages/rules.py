@@ -150,7 +150,11 @@ def motion_rules(clause: str) -> tuple[Rule, ...]:
     """The rules of speeds and headings that the motion contradicts, in languages of brokers."""
     return (
         in_context("speed-sign-lost", "It drives backwards with a positive speed; read as negative.", clause),
-        in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", clause),
+        in_context(
+            "speed-contradicts-motion",
+            "It moves much faster or slower than it says, twice; the observed speed is used.",
+            clause,
+        ),
         in_context("heading-contradicts-motion", "It moves in another direction than its heading.", clause),
         in_context("turn-rate-contradicts-motion", "The turn rate contradicts the headings; ignored.", clause),
     )

@@ -16,7 +16,7 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain, pairwise
-from math import atan2, ceil, cos, hypot, inf, isnan, nan, pi, sin
+from math import atan2, ceil, cos, hypot, inf, isnan, nan, sin
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -182,10 +182,9 @@ class _Route(NamedTuple):
         speed_mps, way_rad = here.linear_mps or 0.0, here.way_rad
         if abs(here.turn_radps) > 1e-3:
             return _arc(here, self.context.reading.horizon_s)
-        direction_rad = way_rad if speed_mps >= 0.0 else way_rad + pi
         stops = self._destinations() if abs(speed_mps) > MOVING_MPS and not here.sideways_rad else []
-        if stops and _is_on_way(here, direction_rad, stops[0]):
-            end = way_on(knot_at(here), direction_rad, abs(speed_mps), stops[0], until, self.paces.turn_radps)
+        if stops and _is_on_way(here, here.direction_rad, stops[0]):
+            end = way_on(knot_at(here), here.direction_rad, abs(speed_mps), stops[0], until, self.paces.turn_radps)
             knots = self._through([knot_at(here), *end], stops, abs(speed_mps))
             return knots, (here.floor,) * len(knots)
         reach_m = speed_mps * (until - here.t_s)
@@ -193,9 +192,10 @@ class _Route(NamedTuple):
         return (knot_at(here), (until, end_x, end_y, here.yaw_rad)), (here.floor,) * 2
 
     def _beyond(self, knots: Sequence[Knot], floors: tuple[int, ...]) -> Route:
-        """A route that ends before the horizon, and how the robot goes on."""
-        here, end = self.here, knots[-1]
-        short = end[0] < here.t_s + self.context.reading.horizon_s - SHORT_BY_S
+        """A route that ends before the horizon, or before half of it after the robot's next report, and how the robot
+        goes on."""
+        here, end, horizon_s = self.here, knots[-1], self.context.reading.horizon_s
+        short = end[0] < here.t_s + max(horizon_s, here.interval_s + horizon_s / 2) - SHORT_BY_S
         if not short or self.status.path.ends_in_stop or set(floors) != {here.floor} or isnan(end[3]):
             return knots, floors
         stops = self._destinations()

@@ -1,7 +1,7 @@
 """What a forecast is made from and what it is made of."""
 
 from collections.abc import Sequence
-from math import copysign, inf
+from math import copysign, inf, pi
 from typing import Protocol
 
 import msgspec
@@ -80,8 +80,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Time since the sighting before; 0 if that shows nothing of the motion."""
     is_driving: bool = False
     """Whether it drives by this and the sighting before."""
+    stated_share: float = 1.0
+    """Its speed, as stated, as a share of that of the move since the sighting before; 1 if they are near each other."""
     is_overruled: bool = False
-    """Whether its speed was observed, since it was stated to stand and moved."""
+    """Whether its speed was observed, since that was stated otherwise twice."""
     state: str = ""
     """The operational state that it stated."""
     standing_s: float = 0.0
@@ -107,6 +109,11 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     def way_rad(self) -> float:
         """The direction of its speed, unless that is negative."""
         return self.yaw_rad + self.sideways_rad
+
+    @property
+    def direction_rad(self) -> float:
+        """In which it drives; nan if its heading is unknown."""
+        return self.way_rad + (pi if self.linear_mps and self.linear_mps < 0.0 else 0.0)
 
 
 class Forecast(msgspec.Struct, frozen=True, gc=False, eq=False):

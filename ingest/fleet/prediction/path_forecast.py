@@ -3,7 +3,7 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
-from math import hypot, inf, isfinite, isnan
+from math import atan2, hypot, inf, isfinite, isnan, pi
 from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
@@ -20,6 +20,10 @@ JUMP_FACTOR, JUMP_SLACK_M = 2.0, 0.5
 """A path that asks for more than this times the robot's greatest speed, plus this length, contradicts its motion."""
 PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
+LATE_S = 2.0
+"""A robot that drives is to lose no more than this on its way to the next point of its path."""
+AWAY_RAD = 3 * pi / 4
+"""A robot that drives in a direction this far off that of a point drives away from it."""
 
 
 def route_by_path(
@@ -27,9 +31,10 @@ def route_by_path(
 ) -> Route | None:
     """The route along a path from `here` on, with unknown headings left as nan. None if the path can't be used.
 
-    A path whose times are limits, are past, equal or out of order without a clear meaning gets new times by the robot's
-    pace, from where the robot is on it; it is over where it ends. A path that jumps is used up to the jump. It is used
-    a little beyond the horizon, so that it still reaches it when the next status is late.
+    A path whose times are limits, are equal or out of order without a clear meaning, or are not those of how the robot
+    drives, gets new times by its pace, from where the robot is on it; it is over where it ends. A path that
+    jumps is used up to the jump. It is used a little beyond the horizon, so that it still reaches it when the next
+    status is late.
     """
     points: list[Knot] = []
     floors: list[int] = []
@@ -42,17 +47,16 @@ def route_by_path(
     in_order = (path.in_order and not here.clock_offset_s) or all(map(lt, times, times[1:]))
     if path.most and len(path.most) == len(points):
         points = paced(points, path.most, here, paces)
-        times = [point[0] for point in points]
     else:
         if not in_order:
             points, floors, in_order = _in_order(points, floors, here)
-        if points[-1][0] <= here.t_s or not in_order:
+        if not in_order or _is_of_another_drive(points, floors, here):
             begin = _next_point(points, here)
             points, floors = _retimed(points[begin:], here, context.body, paces), floors[begin:]
             findings.append("path-retimed")
             if not points:
                 return None
-        times = [point[0] for point in points]
+    times = [point[0] for point in points]
     ahead = bisect_right(times, here.t_s)
     within = bisect_left(times, here.t_s + context.reading.horizon_s + context.reading.quiet_after_s) + 1
     knots, all_floors = [knot_at(here), *points[ahead:within]], (here.floor, *floors[ahead:within])
@@ -119,13 +123,26 @@ def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[li
     return points, floors, False
 
 
-def _next_point(points: list[Knot], here: Sighting) -> int:
+def _is_of_another_drive(points: Sequence[Knot], floors: Sequence[int], here: Sighting) -> bool:
+    """Whether the times of points in order are not of how the robot drives: all are past, or one that drives would have
+    to lose more than `LATE_S` on its way to the next point."""
+    following = next((row for row, point in enumerate(points) if point[0] > here.t_s), None)
+    if following is None or floors[following] != here.floor or not (here.is_driving and here.linear_mps):
+        return following is None
+    t_s, x, y, _ = points[following]
+    return t_s - here.t_s > hypot(x - here.x_m, y - here.y_m) / abs(here.linear_mps) + LATE_S
+
+
+def _next_point(points: Sequence[Knot], here: Sighting) -> int:
     """The row of the point that comes next on a way without usable times: the end of its nearest piece, if the robot is
-    on it. Behind the last row, if it is there."""
+    on it, else the first. Behind the last row, if the robot is there, or drives away from that point."""
     nearest_m, end = nearest_piece([(x, y) for _, x, y, _ in points], here.x_m, here.y_m)
-    begin = end if nearest_m < THERE_M else 0
-    is_over = begin == len(points) - 1 and hypot(points[-1][1] - here.x_m, points[-1][2] - here.y_m) <= THERE_M
-    return len(points) if is_over else begin
+    begin, (_, from_x, from_y, _) = (end, points[end - 1]) if nearest_m < THERE_M else (0, knot_at(here))
+    _, x, y, _ = points[begin]
+    is_over = begin == len(points) - 1 and hypot(x - here.x_m, y - here.y_m) <= THERE_M
+    off_rad = turn_between(here.direction_rad, atan2(y - from_y, x - from_x))
+    leaves = here.is_driving and hypot(x - from_x, y - from_y) > SPOT_M and abs(off_rad) > AWAY_RAD
+    return len(points) if is_over or leaves else begin
 
 
 def _length_m(here: Sighting, placed: list[tuple[Knot, int]]) -> float:

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.path_forecast import PLAUSIBLE_SPEED_MPS
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 
@@ -38,6 +39,8 @@ DRIFT_RAD = 0.25
 """A move this far off the heading, twice, shows in which direction a robot drives despite the noise of positions."""
 SPEED_AS_MOVED = 0.5, 1.5
 """A speed between these shares of the observed one is that of the move."""
+ALIKE = 1.25
+"""Two shares that differ by no more than this factor are of one cause, such as another unit."""
 
 
 def frequency(gap_s: float, quiet_after_s: float) -> tuple[str, ...]:
@@ -56,8 +59,9 @@ def clock(sender: SenderClock, tolerance_s: float, resolution_s: float) -> tuple
 def reconcile(before: Sighting | None, now: Sighting) -> tuple[Sighting, tuple[str, ...]]:
     """`now` with heading, speed and turn rate corrected by the motion since `before`, and the deviations.
 
-    An unknown heading becomes the direction of travel, or the heading before if the robot has not moved. A speed that
-    was not sent becomes the observed one, as does one that says twice that the robot stands while it moves. A speed
+    An unknown heading becomes the direction of travel, or the other one of a robot that says that it backs up, or the
+    heading before if the robot has not moved. A speed that
+    was not sent becomes the observed one, as does one that is twice far from the observed one. A speed
     without sign gets the sign of the motion, and the direction of two moves. A turn rate that contradicts the headings
     becomes 0; one that was not sent becomes the observed one of a robot that stands.
     """
@@ -127,7 +131,8 @@ def _observed(before: Sighting, now: Sighting, gap_s: float) -> Sighting:
     dx, dy = now.x_m - before.x_m, now.y_m - before.y_m
     moved_m = hypot(dx, dy)
     if isnan(now.yaw_rad):
-        now = replace(now, yaw_rad=atan2(dy, dx) if moved_m > MOVED_M else before.yaw_rad)
+        backs_rad = pi if now.linear_mps is not None and now.linear_mps < 0.0 else 0.0
+        now = replace(now, yaw_rad=atan2(dy, dx) + backs_rad if moved_m > MOVED_M else before.yaw_rad)
     if now.linear_mps is not None:
         return now
     sideways_rad = turn_between(now.yaw_rad, atan2(dy, dx))
@@ -146,8 +151,9 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
     """The same for two sightings near in time, which also show what contradicts the motion."""
     now, findings = _with_turn(before, now, gap_s)
     moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
-    stands_twice = _stands(now) and (_stands(before) or before.is_overruled)
-    if stands_twice and moved_m > max(MOVED_M, DRIVES_MPS * gap_s):
+    share, share_before = _stated_share(before, now, moved_m / gap_s), before.stated_share
+    now, stands_twice = replace(now, stated_share=share), _stands(before) and _stands(now)
+    if share != 1.0 and (stands_twice or max(share, share_before) <= ALIKE * min(share, share_before)):
         now, findings = replace(now, linear_mps=None, is_overruled=True), (*findings, "speed-contradicts-motion")
     if now.linear_mps is None or isnan(now.yaw_rad):
         return _observed(before, now, gap_s), findings
@@ -164,6 +170,21 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
     if _is_across(off_heading_rad) or drifting.sideways_rad != now.sideways_rad:
         findings += ("heading-contradicts-motion",)
     return drifting, findings
+
+
+def _stated_share(before: Sighting, now: Sighting, moved_mps: float) -> float:
+    """The stated speed as a share of that of the move since the sighting before, if it is not nearly that; else 1.
+
+    A robot that hardly moves, or turned a corner, shows nothing; nor does one that moves as fast as no robot.
+    """
+    least_mps = max(MOVED_M / (now.t_s - before.t_s), DRIVES_MPS)
+    if now.linear_mps is None or not least_mps < moved_mps <= PLAUSIBLE_SPEED_MPS:
+        return 1.0
+    if _stands(now):
+        return 0.0
+    share, (least, most) = abs(now.linear_mps) / moved_mps, SPEED_AS_MOVED
+    has_turned = abs(turn_between(before.yaw_rad, now.yaw_rad)) > CORNER_RAD
+    return 1.0 if has_turned or least <= share <= most else share
 
 
 def _with_turn(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, tuple[str, ...]]:

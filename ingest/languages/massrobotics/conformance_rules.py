@@ -67,6 +67,11 @@ _WHEN = (
     Rule("stamp-epoch", "A timestamp counts from 1970; read as seconds, ms, us or ns by its size.", "5.1.2"),
     in_context("stamp-not-increasing", "Older than a status already had; the newer one holds.", "5.1.2"),
     in_context("stamp-stale", "Took two seconds longer than others to arrive; used as of when it was sent.", "5.1.2"),
+    in_context(
+        "stamp-unchanged",
+        "The clock stands: others had this time for over two seconds; as of its arrival.",
+        "5.1.2",
+    ),
     in_context("clock-off", "The sender's clock is off; corrected by the estimate.", "5.1.2"),
     in_context("status-too-frequent", "More than one status a second; used.", "5.4"),
     in_context("status-too-rare", "More than thirty seconds since the last status.", "5.4"),
@@ -81,14 +86,22 @@ _WHERE = (
     Rule("datum-key", "The datum is under the key of the other kind of location; read.", "schema"),
     Rule("datum-missing", "The location's datum is absent, empty or nil; compared with nothing.", "3.3.1"),
     Rule("datum-empty", "A point's datum is empty or nil; read as the robot's own.", "3.3.1"),
-    Rule("datum-not-uuid", "The datum is no UUID; used as a name, in lower case.", "3.2.1"),
+    Rule(
+        "datum-not-uuid",
+        "No UUID with dashes; read without dashes or in braces, else used as a name in lower case.",
+        "3.2.1",
+    ),
     in_context("datum-unknown", "The site file has no such datum; a floor of its own.", "3.3.1"),
     in_context("datum-too-many", "The vendor has named fifty unknown datums before; compared with nothing.", "3.3.1"),
     *unit_rules("3.3"),
     Rule("angle-missing", "A location has no angle; heading unknown.", "3.3.5"),
     Rule("angle-zero", "A quaternion is all zeros; heading unknown.", "3.3.5"),
     Rule("angle-not-unit", "A quaternion is not of unit length; normalised.", "3.3.5"),
-    in_context("speed-contradicts-motion", "It is said to stand, but moves; the observed speed is used.", "5.2.2"),
+    in_context(
+        "speed-contradicts-motion",
+        "It moves much faster or slower than it says, twice; the observed speed is used.",
+        "5.2.2",
+    ),
     in_context("heading-contradicts-motion", "The robot moves across its heading; kept.", "3.3.5"),
     in_context(
         "turn-rate-contradicts-motion", "The headings do not bear out the angular velocity; set aside.", "5.2.2"

@@ -20,6 +20,9 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "qy": ("y",),
     "qz": ("z",),
     "qw": ("w",),
+    "length": ("x",),
+    "width": ("y",),
+    "height": ("z",),
     "planardatumid": ("planarDatum",),
     "nextworkinglocation": ("destinations",),
     "nextworkinglocations": ("destinations",),
@@ -30,7 +33,8 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "visualthumbnailimage": ("thumbnailImage",),
     "linktoproductdocumentation": ("productDocumentation",),
 }
-"""Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
+"""Names of keys in the text of the standard or in another one, folded, and those of its schema, of which an object has
+one."""
 TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 

@@ -6,7 +6,7 @@ from uuid import UUID, uuid5
 
 from ingest.frames.assumed_motion import DRIVES_MPS
 from ingest.languages.rules import Findings, RejectedError
-from ingest.settings import NIL_DATUM
+from ingest.settings import NIL_DATUM, plain_uuid
 
 NAMED_ROBOTS = UUID("b7f0f4f1-3a3c-5d52-9a63-2b2c8a0f9d10")
 """Namespace of the UUIDs of robots that are known by name."""
@@ -46,7 +46,6 @@ _DATUMS_CACHED = 1024
 """Datums whose check is cached: the same few come again and again."""
 _ROBOTS_CACHED = 16_384
 """Results cached for UUIDs that are not spelt as RFC 4122 does: each comes once a second."""
-_HEX = re.compile(r"[0-9a-f]{32}")
 
 
 def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
@@ -64,7 +63,7 @@ def robot_uuid(text: str, names_as_uuid: str | None, findings: Findings) -> str:
 
 def _robot(text: str, names_as_uuid: str | None) -> tuple[str, tuple[str, ...]]:
     """The UUID that `text` spells or names, and its deviations."""
-    plain = _plain_uuid(text)
+    plain = plain_uuid(text)
     if plain:
         found = {
             "uuid-no-dashes": text.lower() != plain,
@@ -82,14 +81,7 @@ _cached_robot = lru_cache(_ROBOTS_CACHED)(_robot)
 
 
 def is_uuid(text: str) -> bool:
-    return _plain_uuid(text) is not None
-
-
-def _plain_uuid(text: str) -> str | None:
-    digits = text.strip().lower().removeprefix("urn:uuid:").strip("{}").replace("-", "")
-    if not _HEX.fullmatch(digits):
-        return None
-    return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
+    return plain_uuid(text) is not None
 
 
 def datum(proper: str | None, misplaced: str | None, findings: Findings, *, empty: str, path: str = "") -> str:

@@ -12,8 +12,6 @@ RESTARTED = 20
 """The same as `STEPPED_BACK` if their numbers are lower, too, as those of messages that a broker kept back are."""
 STEPPED_BACK = 3
 """After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
-MOST_SAME_STAMPS = 20
-"""As many messages may have the same stamp, if their numbers rise: those of two seconds, with stamps of whole ones."""
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
@@ -23,8 +21,6 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     """Of all that is read of it, however it is written."""
     stamp_s: float
     header_id: int | None = None
-    same_stamps: int = 0
-    """Messages just before it that have its stamp."""
     older: int = 0
     """Older messages that have come since, in a row of rising stamps."""
     older_s: float = nan
@@ -46,9 +42,8 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
         return msgspec.structs.replace(self, older=older, older_s=later.stamp_s)
 
     def has_header_of(self, later: "Heard") -> bool:
-        """Whether the header does not tell when a later one was sent: it is not filled in, or the clock stands."""
-        is_counted = later.header_id != self.header_id and later.same_stamps <= MOST_SAME_STAMPS
-        return later.stamp_s == self.stamp_s and not is_counted
+        """Whether the header does not tell when a later one was sent, since it is not filled in."""
+        return later.stamp_s == self.stamp_s and later.header_id == self.header_id
 
 
 def heard_after(
@@ -61,8 +56,7 @@ def heard_after(
     """
     if not stamp.is_known:
         return None, stamp, True
-    same_stamps = last.same_stamps + 1 if last and last.stamp_s == stamp.t_s else 0
-    heard = Heard(hash(msgspec.json.encode(message)), stamp.t_s, header_id, same_stamps)
+    heard = Heard(hash(msgspec.json.encode(message)), stamp.t_s, header_id)
     if last and last.content_hash == heard.content_hash:
         findings["message-repeated"] = None
         return None, stamp, False

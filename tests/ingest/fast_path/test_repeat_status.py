@@ -29,6 +29,8 @@ LINES = Connection(1), Connection(2), Connection(3, vendor="Alder")
 MARKS = [f"mark-{row}" for row in range(len(PLACES))]
 Sent = tuple[bytes, float, Connection]
 HORIZONS_S = 7.3, 10.0, 30.0
+LONGEST_S = HORIZONS_S[-1] + 34.4
+"""The longest horizon, and the longest time between two statuses."""
 LATE_ROBOTS, LATE_ROUNDS = 10, 40
 COMPARED_S = 5.5
 """Headings and motion of statuses further apart than this contradict nothing, whatever the clock's correction."""
@@ -124,7 +126,7 @@ class Driver:
     def points_ahead(self, stamp_s: float, count: int, every_s: float) -> list[dict[str, Any]]:
         first_s = stamp_s if not self.seldom() else stamp_s - 5 * abs(every_s)
         times = sorted(first_s + every_s * i for i in range(1, count + 1))
-        x, y, step_m = self.x, self.y, 1.0 if not self.seldom() else 60.0
+        x, y, step_m = self.x, self.y, min(abs(every_s), 3.0) if not self.seldom() else 60.0
         ways = [(t_s, x + step_m * i, y + 0.1 * i, self.yaw_rad) for i, t_s in enumerate(times, 1)]
         answers = points(*ways)
         if self.seldom(0.05):
@@ -182,9 +184,11 @@ class LateDriver:
         document: dict[str, Any] = {"velocity": {"linear": speed_mps, "angular": angle(turn_radps)}}
         if self.does == "path":
             count, way_rad = self.random.randint(1, 15), self.random.uniform(-pi, pi)
-            after_s = [self.random.uniform(1.0, 2.0) * HORIZONS_S[-1] * i / count for i in range(1, count + 1)]
+            after_s = sorted(self.random.uniform(1.0, 2.0) * LONGEST_S * i / count for i in range(1, count + 1))
+            mps = abs(speed_mps)
             ways = [
-                (stamp_s + s, self.x + s * cos(way_rad), self.y + s * sin(way_rad), way_rad) for s in sorted(after_s)
+                (stamp_s + s, self.x + mps * s * cos(way_rad), self.y + mps * s * sin(way_rad), way_rad)
+                for s in after_s
             ]
             document["path"] = points(*ways)
         here = {"x": self.x, "y": self.y, "angle": angle(self.yaw_rad), "planarDatum": self.datum}
@@ -198,7 +202,9 @@ def sent_late(random: Random) -> Iterator[Sent]:
         model = random.choice(("A1", "A2"))
         yield identity(driver.name, t_s, robotModel=model, baseRobotEnvelope=driver.size_m), t_s, LINES[2]
     for _ in range(LATE_ROUNDS):
-        after_s = random.choice((random.uniform(2.1, COMPARED_S), random.uniform(COMPARED_S, 34.4)))
+        after_s = random.choice(
+            (random.uniform(2.1, COMPARED_S), random.uniform(COMPARED_S, LONGEST_S - HORIZONS_S[-1]))
+        )
         t_s += after_s
         for driver in drivers:
             plain = json.loads(driver.drive(t_s, after_s), parse_float=lambda digits: round(float(digits), 6))
@@ -299,14 +305,16 @@ def test_only_a_robot_whose_reports_show_no_motion_repeats_no_status(
     for i in range(5):
         t_s = NOW_S + every_s * i
         here = {"x": x, "y": y, "angle": angle(yaw_rad), "planarDatum": HALL}
+        after_s = 10.0 + every_s
+        ways = points((t_s + after_s, x + after_s * cos(yaw_rad), y + after_s * sin(yaw_rad), yaw_rad))
         x, y, yaw_rad = x + every_s * cos(yaw_rad), y + every_s * sin(yaw_rad), yaw_rad + turn_rad
-        raw = status("R", t_s, location=here, velocity={"linear": 1.0}, path=points((t_s + 10.0, x, y, yaw_rad)))
+        raw = status("R", t_s, location=here, velocity={"linear": 1.0}, path=ways)
         receiving_fleet.receive(raw, t_s, LINES[0])
     assert repeats == [is_repeat] * 4
 
 
 def test_the_reader_of_a_robots_repeated_statuses_is_dropped_with_the_robot(repeats: list[bool]) -> None:
-    receiving_fleet, path = fleet(), points((NOW_S + 15, 3.0, 0.0, 0.0))
+    receiving_fleet, path = fleet(), points((NOW_S + 15, 15.0, 0.0, 0.0))
     for i in range(3):
         receiving_fleet.receive(status("R", NOW_S + i, i, velocity={"linear": 1.0}, path=path), NOW_S + i, LINES[0])
     assert repeats == [True, True]

@@ -180,3 +180,30 @@ def test_reference_points_that_are_nowhere_on_earth_are_refused() -> None:
     vendor_map = VendorMap(datum="own", site_datum="yard", readings={"a": (0, 0), "b": (1, 1)})
     with pytest.raises(FitError, match="nowhere on Earth; x is latitude"):
         fit_map(vendor_map, lost)
+
+
+UUID = "0d6f4f0e-9d0c-4a6f-8a55-0c9f5f4a1b01"
+SPELLINGS = [UUID, UUID.upper(), UUID.replace("-", ""), f"{{{UUID}}}", f"urn:uuid:{UUID}"]
+
+
+@pytest.mark.parametrize("sent", SPELLINGS)
+@pytest.mark.parametrize("in_site", SPELLINGS)
+def test_a_datum_is_the_same_floor_however_its_uuid_is_spelt(in_site: str, sent: str) -> None:
+    hall = METRES.model_copy(update={"id": in_site.lower()})
+    readings = dict(zip(POINTS, HALL.tolist(), strict=True))
+    own = VendorMap.model_validate({"datum": in_site, "site_datum": hall.id, "readings": readings})
+    registry = FrameRegistry([hall], [Vendor(name="Alder", maps=(own,))])
+    found = registry.frame("Basalt", sent.lower())
+    assert (found.floor, found.known) == (hall.id, True)
+    assert registry.frame("Alder", sent.lower()).transform is not None
+    assert FrameRegistry([], []).frame("Alder", sent.lower()).floor == UUID
+
+
+def test_a_nil_datum_is_nowhere_however_it_is_spelt() -> None:
+    assert not FrameRegistry([], []).frame("Alder", NIL_DATUM.replace("-", "")).comparable
+
+
+def test_a_location_on_a_datum_in_degrees_is_known_to_be_however_its_uuid_is_spelt() -> None:
+    registry = FrameRegistry([DEGREES.model_copy(update={"id": UUID})], [])
+    assert registry.is_in_degrees(UUID.replace("-", ""))
+    assert not registry.is_in_degrees("hall")

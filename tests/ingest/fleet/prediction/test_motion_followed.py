@@ -655,6 +655,117 @@ def test_a_path_whose_times_are_past_does_not_lead_back(at_m: float, mps: float)
     assert max(knot[1] for knot in forecast.knots) >= 10.0
 
 
+def driven(
+    of: Fleet, *, seconds: int, every_s: float = 1.0, says: Callable[[float], dict[str, Any]], mps: float = 1.0
+) -> Robot:
+    """A robot that drives along x at a speed and says so, with what else it says at each time."""
+    for count in range(round(seconds / every_s) + 1):
+        t_s = NOW_S + every_s * count
+        keys = {"velocity": {"linear": mps}} | says(t_s)
+        of.receive(status("A", t_s, mps * every_s * count, **keys), t_s, LINE)
+    return of.robots[robot("A")]
+
+
+@pytest.mark.parametrize("first_s", [0.0, -NOW_S], ids=["times are past", "no times"])
+@pytest.mark.parametrize("mps", [0.5, 1.0])
+def test_a_path_that_is_repeated_unchanged_does_not_lead_back_a_robot_that_drove_on(mps: float, first_s: float) -> None:
+    sent = points(*((NOW_S + first_s + s, mps * s, 0.0, 0.0) for s in range(1, 6)))
+    made = driven(hall(), seconds=12, says=lambda _: {"path": sent}, mps=mps)
+    assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0 * mps)
+
+
+def test_a_path_without_usable_times_does_not_turn_back_a_robot_that_drives_along_it_the_other_way() -> None:
+    sent = points(*((NOW_S - 90 + s, 30.0 - s, 0.0, 0.0) for s in range(30)))
+    made = driven(hall(), seconds=5, says=lambda _: {"path": sent})
+    assert at(made.forecast, NOW_S + 12)[0] == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize(
+    "time_of_point",
+    [lambda s: s + 3600.0, lambda s: s + 4.0, lambda s: 1000.0 * s, lambda s: 600.0 * (s - 1)],
+    ids=["another time zone", "another clock", "another unit", "all but the first are late"],
+)
+def test_path_times_that_hold_back_a_robot_that_drives_are_replaced(time_of_point: Callable[[float], float]) -> None:
+    def path(t_s: float) -> dict[str, Any]:
+        return {"path": points(*((t_s + time_of_point(s), t_s - NOW_S + s, 0.0, 0.0) for s in range(1, 11)))}
+
+    of = hall()
+    made = driven(of, seconds=5, says=path)
+    assert made.forecast
+    assert made.forecast.basis is Basis.PATH
+    assert at(made.forecast, NOW_S + 15)[0] == pytest.approx(15.0)
+    assert made.deviations["path-retimed"] >= 4
+
+
+def test_a_robot_that_slows_down_for_a_planned_wait_keeps_the_times_of_its_path() -> None:
+    def path(t_s: float) -> dict[str, Any]:
+        return {"path": points((NOW_S + 6, 6.0, 0.0, 0.0), (NOW_S + 30, 6.0, 0.0, 0.0), (NOW_S + 31, 7.0, 0.0, 0.0))}
+
+    made = driven(hall(), seconds=5, says=path)
+    assert at(made.forecast, NOW_S + 15)[0] == pytest.approx(6.0)
+    assert "path-retimed" not in made.deviations
+
+
+@pytest.mark.parametrize("every_s", [8.0, 12.0, 30.0])
+def test_a_path_that_is_over_soon_after_the_next_report_goes_on(every_s: float) -> None:
+    def path(t_s: float) -> dict[str, Any]:
+        return {"path": points(*((t_s + s, t_s - NOW_S + s, 0.0, 0.0) for s in range(1, 11)))}
+
+    made = driven(hall(), seconds=120, every_s=every_s, says=path)
+    assert at(made.forecast, NOW_S + 120 + every_s + 4)[0] == pytest.approx(120 + every_s + 4)
+
+
+@pytest.mark.parametrize("share", [3.6, 1 / 3.6, 2.237, 60.0, -3.6], ids=["km/h", "as if km/h", "mph", "%", "sign too"])
+@pytest.mark.parametrize("every_s", [0.2, 1.0, 5.0])
+def test_a_robot_that_states_its_speed_in_another_unit_is_foreseen_as_it_moves(share: float, every_s: float) -> None:
+    made = driven(hall(), seconds=15, every_s=every_s, says=lambda _: {"velocity": {"linear": 0.8 * share}}, mps=0.8)
+    assert at(made.forecast, NOW_S + 25)[0] == pytest.approx(20.0)
+    assert made.deviations["speed-contradicts-motion"] >= 2
+
+
+@pytest.mark.parametrize("brakes_mps2", [0.5, 1.0, 2.0])
+def test_the_speed_of_a_robot_that_starts_or_brakes_is_what_it_says(brakes_mps2: float) -> None:
+    of, x, mps = hall(), 0.0, 0.0
+    for second in range(20):
+        aim_mps = 1.6 if second < 10 else 0.0
+        for _ in range(100):
+            mps += min(max(aim_mps - mps, -0.01 * brakes_mps2), 0.01 * brakes_mps2)
+            x += 0.01 * mps
+        of.receive(status("A", NOW_S + second, x, velocity={"linear": mps}), NOW_S + second, LINE)
+        seen = of.robots[robot("A")].seen
+        assert seen
+        assert seen.linear_mps == pytest.approx(mps)
+
+
+@pytest.mark.parametrize("keys", [{}, {"path": points(*((NOW_S + 3600, float(x), 0.0, 0.0) for x in (60, 70)))}])
+def test_a_robot_whose_clock_stands_is_where_it_says_when_its_messages_arrive(keys: dict[str, Any]) -> None:
+    of = hall()
+    for second in range(12):
+        raw = status("A", NOW_S, float(second), velocity={"linear": 1.0}, **keys)
+        of.receive(raw, NOW_S + second, LINE)
+    made = of.robots[robot("A")]
+    assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0)
+    assert made.deviations["stamp-unchanged"] >= 8
+
+
+def test_a_status_that_is_sent_again_stays_as_old_as_it_is() -> None:
+    of, raw = hall(), status("A", NOW_S, velocity={"linear": 1.0})
+    for second in range(9):
+        of.receive(raw, NOW_S + second, LINE)
+    made = of.robots[robot("A")]
+    assert at(made.forecast, NOW_S + 9)[0] == pytest.approx(9.0)
+    assert "stamp-unchanged" not in made.deviations
+
+
+@pytest.mark.parametrize("keys", [{}, {"path": points(*((NOW_S - 90 + x, 5.0 * x, 0.0, pi) for x in range(8)))}])
+def test_a_robot_that_backs_up_and_has_no_heading_is_foreseen_as_it_moves(keys: dict[str, Any]) -> None:
+    of = hall()
+    for second in range(6):
+        here = {"x": float(second), "y": 0.0, "planarDatum": HALL}
+        of.receive(status("A", NOW_S + second, location=here, velocity={"linear": -1.0}, **keys), NOW_S + second, LINE)
+    assert at(of.robots[robot("A")].forecast, NOW_S + 15)[0] == pytest.approx(15.0, abs=0.01)
+
+
 def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate() -> None:
     seen, _ = reported(
         hall(), 4.0, lambda s: (0.0, 0.0, 0.25 * (round(10 * s) % 2)), 10.0, velocity=None, operationalState="idle"

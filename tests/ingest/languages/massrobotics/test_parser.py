@@ -228,6 +228,12 @@ def test_a_conforming_identity_is_read_without_changes(
     assert message.stamp_s == pytest.approx(t_s, rel=1e-12)
 
 
+def test_an_envelope_with_the_names_of_its_sides_is_read() -> None:
+    message = read(identity("A-1", 0.0, baseRobotEnvelope={"length": 2.8, "Width": 1.2, "height": 2.0}))
+    assert isinstance(message, Identity)
+    assert (message.envelope_m, message.findings) == ((2.8, 1.2, 2.0), ("key-spelling",))
+
+
 @given(*[st.floats(-1, 1)] * 4)
 def test_a_heading_is_the_direction_of_the_turned_x_axis(x: float, y: float, z: float, w: float) -> None:
     norm = float(np.linalg.norm((x, y, z, w)))
