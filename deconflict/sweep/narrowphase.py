@@ -21,7 +21,7 @@ from deconflict.sweep.broadphase import BOX, PAIR, Pairs
 from deconflict.sweep.geometry.envelope_distances import nearest_corner
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, FLOATS, INT, INTS, inner, kernel
 
 TINY_MPS = 1e-12
 NEAR_M = 0.02
@@ -92,7 +92,7 @@ Contacts = NDArray[Any]
 """Of `CONTACT`."""
 
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(dtype) for dtype in (BOX, KNOT, ROBOT, PAIR))
-_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_TWO = numba.types.UniTuple(FLOAT, 2)  # type: ignore[no-untyped-call]
 _MOTION, _CONTACT = numba.from_dtype(MOTION), numba.from_dtype(CONTACT)
 
 
@@ -346,11 +346,7 @@ def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
-@kernel(
-    numba.types.Tuple((_CONTACT[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
-        *_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64
-    )
-)
+@kernel((*_OF_PAIRS, _TWO, *[FLOAT] * 3, INT))
 def find_contacts(
     pairs: Pairs,
     boxes: NDArray[Any],
@@ -394,7 +390,7 @@ def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, 
     return motions[:n].copy()
 
 
-@kernel(_TWO(_MOTION[::1], numba.float64))
+@kernel(_TWO(_MOTION[::1], FLOAT))
 def smallest_separation(motions: Motions, accuracy_m: float) -> tuple[float, float]:
     """The smallest distance over all of `motions`, to the accuracy, and when; see `smallest`."""
     return smallest(motions, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
@@ -432,7 +428,7 @@ def _start_distance(
     return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
 
 
-@kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
+@kernel(FLOATS(INTS, INTS, *_OF_PAIRS[1:], FLOAT))
 def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
     """(p,) distance of the robots `a` (p,) and `b` (p,) at `now_s`, or when the later of each two appears; inf on
     different floors. The place of a robot is computed once for all its pairs, in the order of slots."""
@@ -447,17 +443,7 @@ def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots
     return apart_m
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64[::1]] * 3, numba.int64))(  # type: ignore[no-untyped-call]
-        _OF_PAIRS[0],
-        numba.int64[::1],
-        *_OF_PAIRS[1:],
-        numba.float64,
-        numba.float64[::1],
-        *[numba.float64] * 2,
-        numba.int64,
-    )
-)
+@kernel((_OF_PAIRS[0], INTS, *_OF_PAIRS[1:], FLOAT, FLOATS, *[FLOAT] * 2, INT))
 def first_contacts_of(
     pairs: Pairs,
     pair_of: Ints,

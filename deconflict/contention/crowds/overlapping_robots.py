@@ -5,13 +5,12 @@ The functions are compiled. Arrays of robots are by slot, see `LiveRobots`.
 
 from math import floor, hypot, pi
 
-import numba
 import numpy as np
 
 from deconflict.sweep.geometry.knots import FARTHEST_M
 from deconflict.sweep.pair_choice import LATER_S
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOATS, INTS, MATRIX, inner, kernel
 
 COVERED = 2.0
 """A robot overlaps with others if the bodies with their centres in the circle around it, its own included, would cover
@@ -22,8 +21,6 @@ SMALLEST_M = 0.25
 """Shortest side of a body. A shorter one counts as this long: no robots are so small that more of them have room."""
 MOST_COMPARED = 200
 """A robot is compared with at most so many others, so that many above each other cost no more."""
-
-_INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
 
 
 @inner
@@ -71,7 +68,7 @@ def _overlaps(slot: int, at: Floats, sizes_m: Floats, group: Ints, came_s: Float
     return False
 
 
-@kernel(numba.boolean[::1](_INTS, *[_MATRIX] * 2, _INTS, numba.float64[::1]))
+@kernel(BOOLS(INTS, *[MATRIX] * 2, INTS, FLOATS))
 def overlapping(robots: Ints, at: Floats, sizes_m: Floats, group: Ints, came_s: Floats) -> Bools:
     """(n,) which of the slots `robots` (n,) overlap with others of their group, on their floor and at their height.
 

@@ -4,17 +4,14 @@ Compiled. Arrays are by slot, see `PendingForecasts`. `find_pairs` is long becau
 then goes through it once: the size of a cell depends on all robots.
 """
 
-import numba
 import numpy as np
 
 from deconflict.foresight.forecast_errors.track_kernels import on_track
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, CUBE, FLOAT, FLOATS, INT, INT_MATRIX, INTS, MATRIX, inner, kernel
 
 MOST_FOUND = 256
 """A robot with news is paired with at most so many others. Far fewer bodies have room beside it."""
-
-_INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
 
 
 @inner
@@ -75,19 +72,7 @@ def _cells(slots: Ints, around: Floats, side: float, across: int, after: Ints) -
     return last
 
 
-@kernel(
-    numba.int64[:, ::1](
-        *[numba.boolean[::1]] * 3,
-        *[_INTS] * 2,
-        _MATRIX,
-        _FLOATS,
-        _MATRIX,
-        _CUBE,
-        numba.float64,
-        numba.int64,
-        numba.float64,
-    )
-)
+@kernel(INT_MATRIX(*[BOOLS] * 3, *[INTS] * 2, MATRIX, FLOATS, MATRIX, CUBE, FLOAT, INT, FLOAT))
 def find_pairs(
     has_news: Bools,
     is_left_out: Bools,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import INTS, READ_FLOATS, READ_INTS, inner, kernel
 
 AHEAD_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 """The stated path of a robot is kept at these times after its report."""
@@ -54,7 +54,6 @@ StatedWays = NDArray[np.void]
 """(slots,) of `STATED_WAY`."""
 
 _STATED_WAYS = numba.from_dtype(STATED_WAY)[::1]
-_INTS, _FLOATS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.int64, numba.float64))
 
 
 def blank_records(slots: int) -> StatedWays:
@@ -103,7 +102,7 @@ def _distance_m(way_m: Floats, from_x: float, from_y: float, x: float, y: float)
     return least
 
 
-@kernel(_INTS.copy(readonly=False)(_STATED_WAYS, numba.int64[::1], _INTS, *[_FLOATS] * 3, _INTS))
+@kernel(READ_INTS.copy(readonly=False)(_STATED_WAYS, INTS, READ_INTS, *[READ_FLOATS] * 3, READ_INTS))
 def compare_with_stated_ways(
     stated_ways: StatedWays, slots: Ints, start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, floor: Ints
 ) -> Ints:

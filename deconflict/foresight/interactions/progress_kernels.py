@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2, JOINED_S, LOST_S, MOVES_MPS, SPACED_S
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, CUBE, CUBES, FLOATS, INTS, MATRIX, READ_FLOATS, inner, kernel
 
 KEPT = 12
 """Number of reports in the history of a robot."""
@@ -69,9 +69,6 @@ STATE = np.dtype(
 )
 
 _STATES, _FINDINGS = (numba.from_dtype(dtype)[::1] for dtype in (STATE, FINDING))
-_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
-_TRACKS = numba.float64[:, :, :, ::1]
-_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
@@ -283,20 +280,7 @@ def _note_finding(state: Any, now_mps: float, finding: Any) -> None:
     state.slowest_mps, state.noticed_s = now_mps, finding.onset_s + finding.doubt_s
 
 
-@kernel(
-    _FINDINGS(
-        _STATES,
-        _MATRIX,
-        _TRACKS,
-        *[_MATRIX] * 3,
-        _INTS,
-        _STAMPS,
-        numba.float64[:, :, ::1],
-        _FLOATS,
-        numba.boolean[::1],
-        _MATRIX,
-    )
-)
+@kernel(_FINDINGS(_STATES, MATRIX, CUBES, *[MATRIX] * 3, INTS, READ_FLOATS, CUBE, FLOATS, BOOLS, MATRIX))
 def add_reports(
     states: NDArray[Any],
     t_s: Floats,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner
+from ingest.kernels import BOOLS, CUBE, CUBES, INTS, MATRIX, inner, named_type
 
 RESTS, WAITS, GOES, HALTS = range(4)
 """What a robot says of itself: it is not on its way, it waits, it is on its way, or it waits and does not name its
@@ -91,19 +91,7 @@ class KnownRobots(NamedTuple):
     """(rows,)"""
 
 
-_INTS, _MATRIX = numba.int64[::1], numba.float64[:, ::1]
-KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (
-        *[_INTS] * 2,
-        _MATRIX,
-        numba.float64[:, :, :, ::1],
-        *[_MATRIX] * 3,
-        _INTS,
-        numba.float64[:, :, ::1],
-        numba.boolean[::1],
-    ),
-    KnownRobots,
-)
+KNOWN = named_type(KnownRobots, *[INTS] * 2, MATRIX, CUBES, *[MATRIX] * 3, INTS, CUBE, BOOLS)
 """The type of `KnownRobots` in kernels."""
 
 

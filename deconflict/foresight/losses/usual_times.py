@@ -7,11 +7,10 @@ The memory is bounded: a table of fixed size. If it is full, a rarely driven cel
 from math import atan2, ceil, floor, hypot, nan, pi
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner
+from ingest.kernels import FLOATS, INTS, inner, named_type
 
 CELL_M, STEP_M = 2.0, 1.0
 """Size of a cell, and longest step of a way that counts to one cell."""
@@ -41,9 +40,7 @@ class UsualTimes(NamedTuple):
     """How long they took for it."""
 
 
-USUAL = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (numba.int64[::1], numba.float64[::1], numba.float64[::1]), UsualTimes
-)
+USUAL = named_type(UsualTimes, INTS, FLOATS, FLOATS)
 """The type of `UsualTimes` in kernels."""
 
 

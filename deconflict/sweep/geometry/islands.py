@@ -1,12 +1,10 @@
 """Islands: robots that are near each other, directly or through others between them."""
 
-import numba
 import numpy as np
 
 from ingest.batch import Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import INT, INTS, inner, kernel
 
-_INTS = numba.int64[::1]
 _APART = -1
 """A slot whose robot comes near no other."""
 
@@ -39,7 +37,7 @@ def _numbers(parent: Ints) -> Ints:
     return number
 
 
-@kernel(numba.types.UniTuple(_INTS, 2)(_INTS, _INTS, numba.int64))  # type: ignore[no-untyped-call]
+@kernel((INTS, INTS, INT))
 def islands_of(a: Ints, b: Ints, slots: int) -> tuple[Ints, Ints]:
     """The slots (n,) of all robots of the pairs `a`, `b` (p,), ascending, and the island of each, (n,).
 

@@ -29,7 +29,7 @@ from deconflict.sweep.narrowphase import (
 from deconflict.sweep.shapes.shape_gaps import Body, Bridge, Table, body_of, gap, table_of
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, FLOATS, INT, INTS, inner, kernel
 
 CLEAR, MET, OPEN = 0, 1, 2
 """Results of advancement: no contact, contact, and undecided."""
@@ -42,10 +42,10 @@ Poses = Floats
 """(n, 5) of robot B in the frame of robot A: x, y and heading; and the shortest vector from A to B."""
 
 _BOX, _KNOT, _ROBOT, _PAIR, _PIECE, _CORNER = map(numba.from_dtype, (BOX, KNOT, ROBOT, PAIR, PIECE, CORNER))
-_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_TWO = numba.types.UniTuple(FLOAT, 2)  # type: ignore[no-untyped-call]
 _FLOOR = (_BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
-_TABLE = (numba.int64[::1], _PIECE[::1], _CORNER[::1])
-_CONTACT, _REAL = numba.from_dtype(CONTACT), numba.float64
+_TABLE = (INTS, _PIECE[::1], _CORNER[::1])
+_CONTACT = numba.from_dtype(CONTACT)
 
 
 @inner
@@ -142,11 +142,7 @@ def _set_pose(pose: Floats, m: Any, t: float, bridge: Bridge) -> None:
     pose[3], pose[4] = bridge
 
 
-@kernel(
-    numba.types.Tuple((_CONTACT[::1], _REAL[:, ::1]))(  # type: ignore[no-untyped-call]
-        _PAIR[::1], _REAL[::1], *_FLOOR, _TWO, *_TABLE, *[_REAL] * 3, numba.int64
-    )
-)
+@kernel((_PAIR[::1], FLOATS, *_FLOOR, _TWO, *_TABLE, *[FLOAT] * 3, INT))
 def shape_contacts(
     pairs: Pairs,
     since: Floats,
@@ -184,7 +180,7 @@ def shape_contacts(
     return contacts, poses
 
 
-@kernel(_TWO(_ROBOT[::1], numba.from_dtype(MOTION)[::1], *_TABLE, _REAL))
+@kernel(_TWO(_ROBOT[::1], numba.from_dtype(MOTION)[::1], *_TABLE, FLOAT))
 def smallest_of_shapes(
     two: Robots, motions: Motions, begins: Ints, pieces: NDArray[Any], corners: NDArray[Any], accuracy_m: float
 ) -> tuple[float, float]:
@@ -194,7 +190,7 @@ def smallest_of_shapes(
     return _smallest(motions, a, b, table, accuracy_m, np.empty((MOST_SPANS, 6)))
 
 
-@kernel(_REAL[::1](numba.int64[::1], numba.int64[::1], _REAL[::1], *_FLOOR, *_TABLE, _REAL))
+@kernel(FLOATS(INTS, INTS, FLOATS, *_FLOOR, *_TABLE, FLOAT))
 def shape_distances(
     a: Ints,
     b: Ints,
