@@ -6,8 +6,7 @@ asked --> raised --(answered, or the robot has visibly begun)--> updated --> cle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from deconflict.adviser.asked import CANNOT, Asked, reason_of
-from deconflict.adviser.request import Request
+from deconflict.adviser.asked import CANNOT, Asked, Request, reason_of
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.adviser.standoffs import Standing
 from deconflict.advisories.words.advice_words import advice_headline, advice_summary

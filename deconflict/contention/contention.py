@@ -9,8 +9,7 @@ from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot
 from deconflict.contention import findings
-from deconflict.contention.ordinary.ordinary_blockages import OrdinaryBlockages
-from deconflict.contention.ordinary.ordinary_queues import OrdinaryQueues
+from deconflict.contention.ordinary.ordinary_waits import OrdinaryBlockages, OrdinaryQueues
 from deconflict.contention.queues.charger_forecast import (
     ChargerShortage,
     ChargingNeed,

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 
-from deconflict.advice.actions.looking import DRIVE_ASIDE
-from deconflict.advice.actions.person_times import PERSON_REACTION_S, SHORTEST_WAIT_S
+from deconflict.advice.actions.action_text import DRIVE_ASIDE, PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink

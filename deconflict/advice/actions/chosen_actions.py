@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from deconflict.advice.actions.action_text import FIND_CAUSE, SHORTEST_WAIT_S
 from deconflict.advice.actions.changed_motion import Motion, backed, own_knots, proven, slowed, trailer_knots
-from deconflict.advice.actions.looking import FIND_CAUSE
-from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
 from deconflict.advice.holds.hold_planner import HoldPlan
 from deconflict.advice.holds.hold_problem import HoldProblem, Plan
 from deconflict.advice.holds.hold_windows import STEP_S

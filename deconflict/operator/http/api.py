@@ -19,6 +19,7 @@ from deconflict.operator.http.access import AccessMiddleware, People
 from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, failed, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.filter_names import NamesInFilters
+from deconflict.operator.http.off_floor_routes import add_off_floor_routes
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import (
     RequestLimitsMiddleware,
@@ -29,7 +30,6 @@ from deconflict.operator.http.request_limits import (
 from deconflict.operator.http.server.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
-from deconflict.operator.off_floor_routes import add_off_floor_routes
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes

@@ -14,8 +14,7 @@ from enum import IntEnum
 import numpy as np
 
 from deconflict.simulation.driving.braking import MOVING_MPS, Braking
-from deconflict.simulation.driving.crossing_entry import CrossingEntry
-from deconflict.simulation.driving.crossings import CrossingPassage, Crossings
+from deconflict.simulation.driving.crossings import CrossingEntry, CrossingPassage, Crossings
 from deconflict.simulation.driving.drive_table import DriveTable
 from deconflict.simulation.driving.mutual_waits import PATIENCE_S, MutualWaits
 from deconflict.simulation.driving.passing import HALF_AISLE_M, WALKING_MPS, Passings
