@@ -409,21 +409,28 @@ def set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
 
 
 @inner
-def _start_distance(
+def are_on_one_floor(
     a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
-) -> float:
-    """Distance of two robots at `now_s`, or when the later of them appears; inf on different floors.
+) -> bool:
+    """Set the places of two robots at `now_s`, or when the later of them appears. Whether both are on one floor then.
 
     The place of a robot is computed only if `places` does not have it for that time.
     """
-    robot_a, robot_b = robots[a], robots[b]
-    t = max(now_s, robot_a.appears, robot_b.appears)
+    t = max(now_s, robots[a].appears, robots[b].appears)
     for slot in (a, b):
         if places[slot].t != t:
             set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-    p, q = places[a], places[b]
-    if p.floor < 0 or p.floor != q.floor:
+    return bool(places[a].floor >= 0 and places[a].floor == places[b].floor)
+
+
+@inner
+def _start_distance(
+    a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
+) -> float:
+    """Distance of two robots at `now_s`, or when the later of them appears; inf on different floors."""
+    if not are_on_one_floor(a, b, boxes, robots, knots, now_s, places):
         return inf
+    p, q, robot_a, robot_b = places[a], places[b], robots[a], robots[b]
     half_a, half_b = (robot_a.half_length, robot_a.half_width), (robot_b.half_length, robot_b.half_width)
     return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from deconflict.adviser.asked import Option
-from deconflict.adviser.ground.barred_ground import BarredGround
 from deconflict.adviser.ground.seen_ground import SeenGround, size_of
-from deconflict.adviser.ground.tracks import ROOM_M, Tracks, other_bodies
+from deconflict.adviser.ground.tracks import ROOM_M, BarredGround, Tracks, other_bodies
 from deconflict.adviser.ways import BESIDE_M, Boxes, Point, Ways, touch_any, wanted_ways
 from deconflict.contention.robots.lookahead import STEP_S, STEPS
 from deconflict.contention.robots.robot_table import RobotTable

@@ -4,7 +4,7 @@ The method is that of `deconflict/sweep/narrowphase.py`, with the distances of t
 have excluded what keeps apart, so this begins where those first meet.
 """
 
-from math import cos, floor, inf, sin, sqrt
+from math import cos, inf, sin, sqrt
 from typing import Any
 
 import numba
@@ -21,10 +21,10 @@ from deconflict.sweep.narrowphase import (
     Contacts,
     Motions,
     Span,
+    are_on_one_floor,
     both_there,
     motions_in_slab,
     nearest_centres,
-    set_place,
 )
 from deconflict.sweep.shapes.shape_gaps import Body, Bridge, Table, body_of, gap, table_of
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE
@@ -210,17 +210,12 @@ def shape_distances(
     for at in range(len(a)):
         places[a[at]].t = places[b[at]].t = inf
     for at in range(len(a)):
-        t = max(now_s, robots[a[at]].appears, robots[b[at]].appears)
-        for slot in (a[at], b[at]):
-            if places[slot].t != t:
-                set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-        p, q = places[a[at]], places[b[at]]
-        if p.floor < 0 or p.floor != q.floor:
-            apart_m[at] = inf
+        apart_m[at] = inf
+        if not are_on_one_floor(a[at], b[at], boxes, robots, knots, now_s, places):
             continue
+        p, q = places[a[at]], places[b[at]]
         m.dx, m.dy, m.cos_a, m.sin_a, m.cos_b, m.sin_b = q.x - p.x, q.y - p.y, p.cos, p.sin, q.cos, q.sin
         if sqrt(m.dx * m.dx + m.dy * m.dy) - robots[a[at]].radius - robots[b[at]].radius >= most_m[at]:
-            apart_m[at] = inf
             continue
         bodies = body_of(robots[a[at]], table, 0), body_of(robots[b[at]], table, 1)
         apart_m[at] = max(gap(m, 0.0, bodies[0], bodies[1], table, 0.0, 0.0)[0][0], 0.0)
