@@ -5,7 +5,7 @@ description it adds what FastAPI does not know: credentials, groups of routes, a
 """
 
 import json
-from functools import cache
+from functools import cache, partial
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -115,8 +115,9 @@ with a higher number, with `?kinds=situation,advisory` it sends situations, too.
 
 Advice asks one robot for what saves all of them time. It comes over the same stream with `?kinds=advice`."""
 
-UNAVAILABLE: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
-MISSING: dict[int | str, Document] = {404: {"description": "There is none"}}
+Responses = dict[int | str, Document]
+UNAVAILABLE: Responses = {503: {"model": Problem, "description": "A role does not answer"}}
+MISSING: Responses = {404: {"description": "There is none"}}
 
 
 def create_app(publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
@@ -161,33 +162,21 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
 
 
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
-    over: dict[int | str, Document] = {409: {"description": "It is cleared, or the site file says otherwise"}}
-    degraded: dict[int | str, Document] = {
-        503: {"model": ServiceHealth, "description": "A role or the store does not answer"}
-    }
-    text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
-    zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
+    over: Responses = {409: {"description": "It is cleared, or the site file says otherwise"}}
+    degraded: Responses = {503: {"model": ServiceHealth, "description": "A role or the store does not answer"}}
+    text: Responses = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+    zstd: Responses = {200: {"content": {"application/zstd": {}}}}
 
-    get = app.get
+    get, answer = app.get, partial(app.post, status_code=201, responses=UNAVAILABLE | MISSING | over)
     get("/advisories", response_model=AdvisoryList, responses=UNAVAILABLE)(routes.advisories)
     get("/advisories/{advisory_id}", response_model=RevisionList, responses=UNAVAILABLE | MISSING)(routes.advisory)
-    app.post(
-        "/advisories/{advisory_id}/acknowledgement",
-        response_model=AnyRevision,
-        status_code=201,
-        responses=UNAVAILABLE | MISSING | over,
-    )(routes.acknowledge)
+    answer("/advisories/{advisory_id}/acknowledgement", response_model=AnyRevision)(routes.acknowledge)
     get("/situations", response_model=SituationList, responses=UNAVAILABLE)(routes.situations)
     get("/situations/{situation_id}", response_model=SituationRevisions, responses=UNAVAILABLE | MISSING)(
         routes.situation
     )
-    app.post(
-        "/situations/{situation_id}/acknowledgement",
-        response_model=Situation,
-        status_code=201,
-        responses=UNAVAILABLE | MISSING | over,
-    )(routes.acknowledge_situation)
-    refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
+    answer("/situations/{situation_id}/acknowledgement", response_model=Situation)(routes.acknowledge_situation)
+    refused: Responses = {422: {"model": Reloaded, "description": "The file can't be used"}}
     app.post("/site/reload", response_model=Reloaded, responses=UNAVAILABLE | refused)(routes.reload)
     get("/robots", response_model=RobotList, responses=UNAVAILABLE)(routes.robots)
     get("/robots/{uuid}", response_model=HeardRobot, responses=UNAVAILABLE | MISSING)(routes.robot)
@@ -203,7 +192,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
 
 
 def _add_advice_routes(app: FastAPI, routes: AdviceRoutes) -> None:
-    over: dict[int | str, Document] = {409: {"description": "It has ended"}}
+    over: Responses = {409: {"description": "It has ended"}}
     app.get("/advice", response_model=AdviceList, responses=UNAVAILABLE)(routes.advice)
     app.get("/advice/{advice_id}", response_model=AdviceRevisions, responses=UNAVAILABLE | MISSING)(
         routes.advice_revisions
