@@ -47,7 +47,7 @@ from deconflict.sweep.incremental import Sweeper
 from ingest.fleet.fleet import Fleet
 from ingest.languages import timestamps
 from ingest.recording.log_reader import LogReader
-from metrics.replay.clearance_scores import ClearanceScores
+from metrics.replay.log_scores import ClearanceScores
 from metrics.replay.replay import replay
 from metrics.scoring.arrival_scores import ArrivalScores
 from metrics.scoring.forecast_scores import ForecastScores

@@ -37,6 +37,15 @@ _FEATURES = {"+cx16", "+popcnt", "+sahf", "+sse4.2"}
 _found = get_host_cpu_features().split(",")  # type: ignore[no-untyped-call]
 if numba.config.CPU_NAME is None and _FEATURES.issubset(_found):  # type: ignore[attr-defined]
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = "x86-64-v2", ""  # type: ignore[attr-defined]
+INT, FLOAT, BOOL = numba.int64, numba.float64, numba.boolean
+INTS, FLOATS, BOOLS = INT[::1], FLOAT[::1], BOOL[::1]
+MATRIX, CUBE, CUBES = FLOAT[:, ::1], FLOAT[:, :, ::1], FLOAT[:, :, :, ::1]
+INT_MATRIX, BOOL_MATRIX = INT[:, ::1], BOOL[:, ::1]
+"""Types in signatures: numbers, and arrays to which a kernel may write."""
+READ_INTS, READ_FLOATS, READ_BOOLS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (INT, FLOAT, BOOL))
+READ_MATRIX, READ_CUBE = (numba.types.Array(FLOAT, dimensions, "C", readonly=True) for dimensions in (2, 3))
+ANY_FLOATS = numba.types.Array(FLOAT, 1, "A", readonly=True)
+"""Arrays that a kernel only reads. The last takes each column of a matrix, too."""
 _postponed: dict[str, list[Callable[[], object]]] | None = None
 """In a process that calls `compile_module`: by module, a call for each kernel that compiles it."""
 
@@ -44,6 +53,11 @@ _postponed: dict[str, list[Callable[[], object]]] | None = None
 def inner(function: _Function) -> _Function:
     """A helper that kernels of any file call; it is compiled into each of them."""
     return cast(_Function, numba.njit(**_OPTIONS)(function))
+
+
+def named_type(named: type, *fields: object) -> Any:
+    """The type of a `NamedTuple` in signatures, with these types of its fields."""
+    return numba.types.NamedTuple(fields, named)  # type: ignore[no-untyped-call]
 
 
 @inner
@@ -67,6 +81,7 @@ def copy_rows(values: NDArray[Any], into: NDArray[Any]) -> None:
 def kernel(signature: object, *, for_kernels: bool = False) -> Callable[[_Function], _Function]:
     """A function that Python calls, compiled for the types of `signature` and no others.
 
+    That is `result(argument, ...)`, or only `(argument, ...)` where the function tells the type of its result.
     With `for_kernels` other kernels may call it, too, and are compiled with a copy of it.
     """
 

@@ -16,7 +16,7 @@ from benchmarks.watch_demo.judging import rows_of, stops_of, summary
 from benchmarks.watch_demo.situation_truth import situation_truth
 from benchmarks.watch_demo.watching import Watch
 from deconflict.simulation.demo.advice_follower import Follow
-from metrics.report.situation_section import sentence
+from metrics.report.quality_sections import sentence
 
 
 def line(row: dict[str, Any]) -> str:

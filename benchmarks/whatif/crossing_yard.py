@@ -9,7 +9,7 @@ import shapely
 
 from benchmarks.whatif.lane_yard import LANE_HALF_M, MIDDLE_MAKES
 from benchmarks.whatif.yards import MadeYard, Yard
-from deconflict.simulation.driving.crossing_entry import CrossingEntry
+from deconflict.simulation.driving.crossings import CrossingEntry
 from deconflict.simulation.driving.routes import drive, standing
 from deconflict.simulation.floor_layout import Place
 from metrics.whatif.change import NamedOutline

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
 
-from deconflict.adviser.request import Request
+from deconflict.adviser.asked import Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable

@@ -5,9 +5,8 @@ from dataclasses import replace
 from itertools import count
 from math import dist, hypot, pi, remainder
 
-from deconflict.adviser.asked import Asked, Following, Option
+from deconflict.adviser.asked import Asked, Following, Option, Request, Verb
 from deconflict.adviser.ground.goals import Goals
-from deconflict.adviser.request import Request, Verb
 from deconflict.adviser.standoffs import Standing, Waiting, standing
 from deconflict.adviser.ways import WAITING
 from deconflict.adviser.worth import ExpectedSaving, Worth

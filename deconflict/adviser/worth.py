@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 from deconflict.runtime.learned_state import Count, Form, Part, Seconds
 
 STANDS_ON_S = {"ring": 12.0, "stander": 8.0, "crossing": 30.0}

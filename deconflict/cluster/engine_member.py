@@ -20,11 +20,10 @@ from deconflict.advice.advice_thread import AdviceThread
 from deconflict.cluster.ingest_feed import RETRY_S
 from deconflict.cluster.judging.global_engine import GlobalEngine, revisions_of
 from deconflict.cluster.judging.heard_canaries import HeardCanaries
-from deconflict.cluster.judging.loss_writer import LossWriter
+from deconflict.cluster.judging.loss_writer import LossWriter, ShardLosses
 from deconflict.cluster.judging.outbox import Outbox
 from deconflict.cluster.judging.pass_watch import PassWatch
 from deconflict.cluster.judging.shard import Shard, ShardRevision, conflicts_only_site
-from deconflict.cluster.judging.shard_losses import ShardLosses
 from deconflict.cluster.judging.stream_writer import StreamWriter
 from deconflict.cluster.kept_learning import kept_parts, log_set_aside
 from deconflict.cluster.nats.bus import Bus

@@ -4,14 +4,12 @@ Pure: data and the time in, revisions out. Robots are updated as they change. A 
 have changed with them: queues of places that a robot wants, and standing robots that are in another one's way.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import inf
 
 from deconflict.advisories.finding_lifecycle import Finding, FindingAdvisory, FindingLifecycle, NamedRobot
 from deconflict.contention import findings
-from deconflict.contention.ordinary.ordinary_blockages import OrdinaryBlockages
-from deconflict.contention.ordinary.ordinary_queues import OrdinaryQueues
-from deconflict.contention.people_on_foot import of_vehicles
+from deconflict.contention.ordinary.ordinary_waits import OrdinaryBlockages, OrdinaryQueues
 from deconflict.contention.queues.charger_forecast import (
     ChargerShortage,
     ChargingNeed,
@@ -52,6 +50,33 @@ from deconflict.settings.site import Site
 from deconflict.sweep.geometry.heights import largest_group_at_one_height
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
+
+TO_VEHICLES = frozenset(("wait", "slow_down", "back_out", "take_another_route"))
+"""Actions that are asked of vehicles only."""
+
+
+def of_vehicles(found: Iterable[Finding], robots: Mapping[str, RobotView]) -> Iterator[Finding]:
+    """The findings that are not of people on foot alone, without what they ask of people on foot.
+
+    Who goes first is said as long as somebody yields.
+    """
+    for finding in found:
+        on_foot = [uuid in robots and robots[uuid].on_foot for uuid in finding.robots]
+        if all(on_foot):
+            continue
+        yield _asking_vehicles(finding, robots) if any(on_foot) else finding
+
+
+def _asking_vehicles(finding: Finding, robots: Mapping[str, RobotView]) -> Finding:
+    advice = finding.recommendation
+    if advice is None:
+        return finding
+    kept = [action for action in advice.actions if not (action.action in TO_VEHICLES and robots[action.robot].on_foot)]
+    if len(kept) == len(advice.actions):
+        return finding
+    is_yielded = any(action.action != "go_first" for action in kept)
+    return finding._replace(recommendation=advice.model_copy(update={"actions": tuple(kept if is_yielded else ())}))
+
 
 NEEDS_S = 10.0
 """Time between two forecasts of who will need a charger."""

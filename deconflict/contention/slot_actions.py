@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
+from typing import Any
 
-from deconflict.advice.actions.looking import DRIVE_ASIDE
-from deconflict.advice.actions.person_times import PERSON_REACTION_S, SHORTEST_WAIT_S
+from deconflict.advice.actions.action_text import DRIVE_ASIDE, PERSON_REACTION_S, SHORTEST_WAIT_S
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.deadlocks import RingLink
@@ -112,23 +112,6 @@ def _go_first(robot: str, robots: Mapping[str, RobotView]) -> Action:
     return Action(robot=robot, name=robots[robot].name, action="go_first")
 
 
-def _action(
-    slot: Slot,
-    robots: Mapping[str, RobotView],
-    action: ActionKind,
-    *,
-    seconds: float | None = None,
-    where: str,
-    reason: str = "",
-) -> Action:
-    return Action(
-        robot=slot.robot,
-        name=robots[slot.robot].name,
-        action=action,
-        seconds=seconds,
-        where=where,
-        reason=reason,
-        resource=slot.resource,
-        start_at=slot.start_at,
-        end_at=slot.end_at,
-    )
+def _action(slot: Slot, robots: Mapping[str, RobotView], action: ActionKind, **fields: Any) -> Action:
+    stay = {"resource": slot.resource, "start_at": slot.start_at, "end_at": slot.end_at}
+    return Action(robot=slot.robot, name=robots[slot.robot].name, action=action, **stay, **fields)

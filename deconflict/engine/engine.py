@@ -34,7 +34,7 @@ from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.foresight.learned_estimates import estimator_learners
 from deconflict.foresight.losses.loss_places import LossPlaces, PlacedLoss
 from deconflict.foresight.losses.refusal import AdviceRefusal
-from deconflict.foresight.near_misses.near_miss_trigger import NearMissTrigger
+from deconflict.foresight.near_misses.near_events import NearMissTrigger
 from deconflict.foresight.presence import presence_batches
 from deconflict.foresight.presence.live_robots import LiveRobots
 from deconflict.foresight.presence.presence import HEARD_GROUND, MOST_SHOWN, Presence

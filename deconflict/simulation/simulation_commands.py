@@ -159,8 +159,7 @@ def _demo(args: argparse.Namespace) -> int:
 
 def _demo_scene(args: argparse.Namespace, site: "Site") -> "tuple[Site, FollowingFloor]":
     """The site and the robots of the scene that was chosen."""
-    from deconflict.simulation.demo.demo_floor import DemoFloor  # noqa: PLC0415 - loads the simulated world
-    from deconflict.simulation.demo.demo_halls import with_halls  # noqa: PLC0415 - loads the simulated world
+    from deconflict.simulation.demo.demo_floor import DemoFloor, with_halls  # noqa: PLC0415 - loads the simulated world
     from deconflict.simulation.demo.standoff_floor import StandoffFloor  # noqa: PLC0415 - loads the simulated world
     from deconflict.simulation.demo.standoff_hall import standoff_site  # noqa: PLC0415 - loads the simulated world
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOL, BOOLS, FLOAT, FLOATS, INT, INTS, inner, kernel
 
 ABSENT = -1
 """The floor of a box that is absent."""
@@ -82,7 +82,7 @@ Reaches = NDArray[Any]
 """(slots,) of `REACH`."""
 
 _BOX, _KNOT, _ROBOT, _PAIR, _REACH = (numba.from_dtype(dtype) for dtype in (BOX, KNOT, ROBOT, PAIR, REACH))
-_INTS, _REACHES = numba.int64[::1], _REACH[::1]
+_REACHES = _REACH[::1]
 
 
 @inner
@@ -231,7 +231,7 @@ def _add_overlaps_of(
     return _add_overlaps(box, slot, -1, wide, wide_boxes, first_wide, len(wide), asking, found, n, most)
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], numba.int64[::1], *[numba.boolean[::1]] * 3, numba.int64, numba.float64))
+@kernel(_PAIR[::1](_BOX[:, ::1], INTS, *[BOOLS] * 3, INT, FLOAT))
 def _pairs_by_cells(
     boxes: NDArray[Any],
     rings: Ints,
@@ -275,7 +275,7 @@ def _pairs_by_cells(
     return found[:n].copy()
 
 
-@kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, numba.int64[::1], numba.int64[::1], *[numba.boolean[::1]] * 3, numba.int64))
+@kernel(_PAIR[::1](_BOX[:, ::1], _REACHES, INTS, INTS, *[BOOLS] * 3, INT))
 def _pairs_one_by_one(
     boxes: NDArray[Any],
     reaches: Reaches,
@@ -336,7 +336,7 @@ def _at_one_height(robot: Any, other: Any) -> bool:
     return bool(_heights_overlap(robot.bottom, robot.top, other.bottom, other.top))
 
 
-@kernel(_PAIR[::1](_PAIR[::1], numba.int64[::1], _ROBOT[::1], *[numba.boolean[::1]] * 2))
+@kernel(_PAIR[::1](_PAIR[::1], INTS, _ROBOT[::1], *[BOOLS] * 2))
 def sorted_pairs(pairs: Pairs, ranks: Ints, robots: Robots, is_crowded: Bools, is_dormant: Bools) -> Pairs:
     """The pairs of which no robot passes above the other, the one of lower rank first, ascending by both ranks
     (stable). Pairs of two bodies of one train are left out, of two that are both `is_crowded` (slots,), and of two that
@@ -412,18 +412,7 @@ def _reach_nothing(reaches: Reaches, slot: int) -> None:
     reaches[slot].east = reaches[slot].north = -np.inf
 
 
-@kernel(
-    numba.void(
-        _BOX[:, ::1],
-        _REACHES,
-        numba.int64[::1],
-        _ROBOT[::1],
-        _KNOT[::1],
-        *[numba.int64] * 2,
-        numba.float64,
-        numba.boolean,
-    )
-)
+@kernel(numba.void(_BOX[:, ::1], _REACHES, INTS, _ROBOT[::1], _KNOT[::1], *[INT] * 2, FLOAT, BOOL))
 def _cover(
     boxes: NDArray[Any],
     reaches: Reaches,
@@ -453,11 +442,7 @@ def _last_slabs(robots: int, a: Ints, b: Ints, until_s: Floats) -> Ints:
     return last
 
 
-@kernel(
-    numba.types.Tuple((_BOX[:, ::1], _PAIR[::1], _INTS))(  # type: ignore[no-untyped-call]
-        _ROBOT[::1], _KNOT[::1], _INTS, _INTS, numba.float64, numba.float64[::1], numba.float64
-    )
-)
+@kernel((_ROBOT[::1], _KNOT[::1], INTS, INTS, FLOAT, FLOATS, FLOAT))
 def boxes_of_pairs(
     robots: Robots, knots: Knots, a: Ints, b: Ints, now_s: float, until_s: Floats, grow_m: float
 ) -> tuple[NDArray[Any], Pairs, Ints]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deconflict.sweep.broadphase import BOX, PAIR, Pairs
 from deconflict.sweep.narrowphase import CONTACT, Contacts
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOAT, INT, INTS, inner, kernel
 
 CONTACT_INTERVAL = np.dtype(
     [
@@ -29,7 +29,7 @@ ContactIntervals = NDArray[Any]
 """Of `CONTACT_INTERVAL`, ascending by the keys and the slab."""
 
 _BOX, _PAIR, _CONTACT, _INTERVAL = (numba.from_dtype(dtype) for dtype in (BOX, PAIR, CONTACT, CONTACT_INTERVAL))
-_INTERVALS, _INTS, _REAL = _INTERVAL[::1], numba.int64[::1], numba.float64
+_INTERVALS = _INTERVAL[::1]
 
 
 class PairConflicts(NamedTuple):
@@ -73,7 +73,7 @@ def intervals_of(pairs: Pairs, contacts: Contacts, boxes: NDArray[Any]) -> Conta
     return found[:n].copy()
 
 
-@kernel(_INTERVALS(_INTERVALS, numba.boolean[::1], numba.int64))
+@kernel(_INTERVALS(_INTERVALS, BOOLS, INT))
 def still_valid(intervals: ContactIntervals, is_changed: Bools, first_slab: int) -> ContactIntervals:
     """The intervals that are not over, of robots that did not change."""
     found, n = np.empty_like(intervals), 0
@@ -93,7 +93,7 @@ def _is_before(interval: Any, other: Any, ranks: Ints) -> bool:
     return bool(interval.slab < other.slab)
 
 
-@kernel(_INTERVALS(_INTERVALS, _INTERVALS, _INTS))
+@kernel(_INTERVALS(_INTERVALS, _INTERVALS, INTS))
 def merged(first: ContactIntervals, second: ContactIntervals, ranks: Ints) -> ContactIntervals:
     """Both tables in one. They have no interval in common. `ranks` (slots,) are those of the keys."""
     both, i, j = np.empty(len(first) + len(second), CONTACT_INTERVAL), 0, 0
@@ -113,7 +113,7 @@ def _is_outside(interval: Any, begin_s: float, end_s: float) -> bool:
     return bool(interval.separation_at < begin_s or interval.separation_at > end_s)
 
 
-@kernel(numba.types.Tuple((_INTERVALS, _INTS))(_INTERVALS, _REAL, _REAL, numba.int64, _PAIR[::1]))  # type: ignore[no-untyped-call]
+@kernel((_INTERVALS, FLOAT, FLOAT, INT, _PAIR[::1]))
 def in_span(
     intervals: ContactIntervals, begin_s: float, end_s: float, rings: int, cut_pairs: Pairs
 ) -> tuple[ContactIntervals, Ints]:
@@ -131,7 +131,7 @@ def in_span(
     return found[:n].copy(), cut[:n_cut].copy()
 
 
-@kernel(_INTERVALS(_INTERVALS, _INTS, _CONTACT[::1], _REAL, _REAL))
+@kernel(_INTERVALS(_INTERVALS, INTS, _CONTACT[::1], FLOAT, FLOAT))
 def with_contacts(
     intervals: ContactIntervals, cut: Ints, contacts: Contacts, begin_s: float, end_s: float
 ) -> ContactIntervals:
@@ -147,11 +147,7 @@ def with_contacts(
     return intervals[intervals["contact"] < inf]
 
 
-@kernel(
-    numba.types.Tuple((*[_INTS] * 2, *[_REAL[::1]] * 3, numba.boolean[::1]))(  # type: ignore[no-untyped-call]
-        _INTERVALS, numba.boolean[::1], _REAL
-    )
-)
+@kernel((_INTERVALS, BOOLS, FLOAT))
 def by_pair(
     intervals: ContactIntervals, is_new: Bools, now_s: float
 ) -> tuple[Ints, Ints, Floats, Floats, Floats, Bools]:

@@ -21,7 +21,7 @@ from deconflict.sweep.broadphase import BOX, PAIR, Pairs
 from deconflict.sweep.geometry.envelope_distances import nearest_corner
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, Knots, Robots
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, FLOATS, INT, INTS, inner, kernel
 
 TINY_MPS = 1e-12
 NEAR_M = 0.02
@@ -92,7 +92,7 @@ Contacts = NDArray[Any]
 """Of `CONTACT`."""
 
 _BOX, _KNOT, _ROBOT, _PAIR = (numba.from_dtype(dtype) for dtype in (BOX, KNOT, ROBOT, PAIR))
-_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_TWO = numba.types.UniTuple(FLOAT, 2)  # type: ignore[no-untyped-call]
 _MOTION, _CONTACT = numba.from_dtype(MOTION), numba.from_dtype(CONTACT)
 
 
@@ -346,11 +346,7 @@ def _first_of(motions: Motions, target_m: float, tolerance_m: float, rounds: int
 _OF_PAIRS = (_PAIR[::1], _BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
 
 
-@kernel(
-    numba.types.Tuple((_CONTACT[::1], *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
-        *_OF_PAIRS, _TWO, *[numba.float64] * 3, numba.int64
-    )
-)
+@kernel((*_OF_PAIRS, _TWO, *[FLOAT] * 3, INT))
 def find_contacts(
     pairs: Pairs,
     boxes: NDArray[Any],
@@ -394,7 +390,7 @@ def motions_of(pairs: Pairs, boxes: NDArray[Any], robots: Robots, knots: Knots, 
     return motions[:n].copy()
 
 
-@kernel(_TWO(_MOTION[::1], numba.float64))
+@kernel(_TWO(_MOTION[::1], FLOAT))
 def smallest_separation(motions: Motions, accuracy_m: float) -> tuple[float, float]:
     """The smallest distance over all of `motions`, to the accuracy, and when; see `smallest`."""
     return smallest(motions, accuracy_m, np.empty(MOST_HALVINGS), np.empty(MOST_HALVINGS))
@@ -413,26 +409,33 @@ def set_place(place: Any, box: Any, robot: Any, knots: Knots, t: float) -> None:
 
 
 @inner
-def _start_distance(
+def are_on_one_floor(
     a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
-) -> float:
-    """Distance of two robots at `now_s`, or when the later of them appears; inf on different floors.
+) -> bool:
+    """Set the places of two robots at `now_s`, or when the later of them appears. Whether both are on one floor then.
 
     The place of a robot is computed only if `places` does not have it for that time.
     """
-    robot_a, robot_b = robots[a], robots[b]
-    t = max(now_s, robot_a.appears, robot_b.appears)
+    t = max(now_s, robots[a].appears, robots[b].appears)
     for slot in (a, b):
         if places[slot].t != t:
             set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-    p, q = places[a], places[b]
-    if p.floor < 0 or p.floor != q.floor:
+    return bool(places[a].floor >= 0 and places[a].floor == places[b].floor)
+
+
+@inner
+def _start_distance(
+    a: int, b: int, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float, places: NDArray[Any]
+) -> float:
+    """Distance of two robots at `now_s`, or when the later of them appears; inf on different floors."""
+    if not are_on_one_floor(a, b, boxes, robots, knots, now_s, places):
         return inf
+    p, q, robot_a, robot_b = places[a], places[b], robots[a], robots[b]
     half_a, half_b = (robot_a.half_length, robot_a.half_width), (robot_b.half_length, robot_b.half_width)
     return _between(q.x - p.x, q.y - p.y, (p.cos, p.sin), (q.cos, q.sin), half_a, half_b)[0]
 
 
-@kernel(numba.float64[::1](numba.int64[::1], numba.int64[::1], *_OF_PAIRS[1:], numba.float64))
+@kernel(FLOATS(INTS, INTS, *_OF_PAIRS[1:], FLOAT))
 def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots: Knots, now_s: float) -> Floats:
     """(p,) distance of the robots `a` (p,) and `b` (p,) at `now_s`, or when the later of each two appears; inf on
     different floors. The place of a robot is computed once for all its pairs, in the order of slots."""
@@ -447,17 +450,7 @@ def start_distances(a: Ints, b: Ints, boxes: NDArray[Any], robots: Robots, knots
     return apart_m
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64[::1]] * 3, numba.int64))(  # type: ignore[no-untyped-call]
-        _OF_PAIRS[0],
-        numba.int64[::1],
-        *_OF_PAIRS[1:],
-        numba.float64,
-        numba.float64[::1],
-        *[numba.float64] * 2,
-        numba.int64,
-    )
-)
+@kernel((_OF_PAIRS[0], INTS, *_OF_PAIRS[1:], FLOAT, FLOATS, *[FLOAT] * 2, INT))
 def first_contacts_of(
     pairs: Pairs,
     pair_of: Ints,

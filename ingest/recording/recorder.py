@@ -15,7 +15,7 @@
 
 An accepted message stands byte for byte as the last key of its line. A rejected message, or one of several lines or
 with what JSON does not have, as `nan`, is quoted as `raw`, or as `base64` if it is not UTF-8. Of one that its sender's
-share of the log does not admit whole (`rejected_shares.py`) that is the beginning, and the line has `size_bytes` and
+share of the log does not admit whole (`RejectedShares`) that is the beginning, and the line has `size_bytes` and
 `sha256` of the whole. A message `overtaken` by a newer status of its robot was never read, so its content may be
 anything; a replay leaves it out as well. `vendor` is absent if the connection has none, `language` and `topic` if the
 message came over a WebSocket. `proven` is true if the vendor is not only claimed (`ingest/port/connection.py`). A
@@ -36,7 +36,10 @@ megabytes.
 import base64
 import binascii
 import json
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -52,8 +55,78 @@ from ingest.recording.log_reader import Received
 from ingest.recording.log_rotation import RotatingLog
 from ingest.recording.log_writer import LogWriter
 from ingest.recording.operator_events import OffFloorMark
-from ingest.recording.rejected_shares import HEAD_BYTES, RecordedPart, RejectedShares
 from ingest.settings import RecorderSettings
+
+HEAD_BYTES = 200
+"""What is recorded of the beginning of a message."""
+LINE_BYTES = 300
+"""The other keys of its line, about."""
+BURST_S = 32.0
+SENDER_BYTES_PER_S, ALL_BYTES_PER_S = 8192.0, 65536.0
+"""Of lines with whole messages, and as much again of lines with beginnings."""
+MOST_SENDERS = 1000
+
+
+class RecordedPart(Enum):
+    """How much of a rejected message is recorded."""
+
+    WHOLE = "whole"
+    HEAD = "head"
+    NOTHING = "nothing"
+
+
+@dataclass(slots=True, eq=False)
+class _Allowance:
+    """Bytes that may still be recorded: of whole messages and of beginnings."""
+
+    rate: float
+    at_s: float
+    whole: float
+    heads: float
+
+    def refill(self, now_s: float) -> None:
+        added, most = max(now_s - self.at_s, 0.0) * self.rate, self.rate * BURST_S
+        self.whole, self.heads, self.at_s = min(self.whole + added, most), min(self.heads + added, most), now_s
+
+
+class RejectedShares:
+    """The allowances of all senders, and of all together: a sender may have many addresses."""
+
+    def __init__(self) -> None:
+        self._senders: OrderedDict[str, _Allowance] = OrderedDict()
+        self._all = _full(ALL_BYTES_PER_S, 0.0)
+
+    def admit(self, sender: str, message_bytes: int, now_s: float, topic_bytes: int = 0) -> RecordedPart:
+        """How much to record of a rejected message of a sender: a vendor, or an address."""
+        allowances = (self._of(sender, now_s), self._all)
+        for allowance in allowances:
+            allowance.refill(now_s)
+        line_bytes = LINE_BYTES + topic_bytes
+        whole_bytes, head_bytes = message_bytes + line_bytes, min(message_bytes, HEAD_BYTES) + line_bytes
+        if all(allowance.whole >= whole_bytes for allowance in allowances):
+            for allowance in allowances:
+                allowance.whole -= whole_bytes
+            return RecordedPart.WHOLE
+        if all(allowance.heads >= head_bytes for allowance in allowances):
+            for allowance in allowances:
+                allowance.heads -= head_bytes
+            return RecordedPart.HEAD
+        return RecordedPart.NOTHING
+
+    def _of(self, sender: str, now_s: float) -> _Allowance:
+        known = self._senders.get(sender)
+        if known is None:
+            known = self._senders[sender] = _full(SENDER_BYTES_PER_S, now_s)
+            if len(self._senders) > MOST_SENDERS:
+                self._senders.popitem(last=False)
+        else:
+            self._senders.move_to_end(sender)
+        return known
+
+
+def _full(rate: float, now_s: float) -> _Allowance:
+    return _Allowance(rate, now_s, rate * BURST_S, rate * BURST_S)
+
 
 FLUSH_BYTES = 1 << 18
 """Lines that wait for a tick are passed on when they exceed this, so that little is left to write at the tick."""

@@ -3,15 +3,165 @@
 import argparse
 import sys
 import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from deconflict.roles.processes.running_service import ADDRESS, add_service_options, service_client
 from deconflict.runtime.command_parsers import LONGEST_S, MISUSED, Commands, add_command, number_in
-from ingest.languages.visible_text import visible_lines
-from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
+from deconflict_client.counted_nouns import count_of
+from deconflict_client.participant_kinds import counted
+from ingest.languages.front_ends import FRONT_ENDS
+from ingest.languages.visible_text import visible, visible_lines
+from metrics.replay.conformance_counts import value_in_words
 
 if TYPE_CHECKING:
     import httpx
+
+Document = dict[str, Any]
+MOST_LINES, MOST_VALUES = 20, 3
+"""Of a vendor, and values of a rejected message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What the API says at one moment."""
+
+    vendors: Mapping[str, Document]
+    """By name, as `GET /vendors`."""
+    robots: Sequence[Document]
+    """As `GET /robots`."""
+    rejected: Sequence[Document]
+    """As `GET /quarantine`, newest first."""
+    health: Document
+    """As `GET /healthz`."""
+    expected: frozenset[str] = frozenset()
+    """The vendors of the site file."""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedVendor:
+    """What one vendor did in the time between."""
+
+    name: str
+    standards: str
+    messages: int
+    rejected: int
+    """How many of them."""
+    heard: int
+    """Robots of it that are heard."""
+    kinds: str
+    """The same in words, with what they stand for."""
+    placed: int
+    compared: int
+    to_mend: tuple[str, ...]
+    """One line for each thing."""
+
+
+def watched(before: Answers, after: Answers, seconds: float) -> list[WatchedVendor]:
+    """The vendors of the site file and those that have sent something, by name."""
+    names = {*after.expected, *after.vendors}
+    seen = [_vendor(name, before, after, seconds) for name in sorted(names)]
+    return [vendor for vendor in seen if vendor.messages or vendor.heard or vendor.to_mend]
+
+
+def broker_notes(after: Answers) -> list[str]:
+    """Topics of brokers that look like those of robots and are not heard, and what to set."""
+    return [*after.health.get("brokers", {}).get("notes", ())]
+
+
+def page(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: float) -> str:
+    """The result as text for a person."""
+    return "".join(f"{visible(line)}\n" for line in _lines(vendors, notes, seconds))
+
+
+def _lines(vendors: Sequence[WatchedVendor], notes: Sequence[str], seconds: float) -> Iterator[str]:
+    for vendor in vendors:
+        speaks = f" ({vendor.standards})" if vendor.standards else ""
+        robots = f"{vendor.kinds} heard, {vendor.placed} placed, {vendor.compared} compared"
+        rejected = f", {vendor.rejected} rejected" if vendor.rejected else ""
+        yield f"{vendor.name}{speaks}: {count_of(vendor.messages, 'message')} in {seconds:g} s{rejected}; {robots}"
+        yield from (f"  {line}" for line in vendor.to_mend[:MOST_LINES])
+        if (more := len(vendor.to_mend) - MOST_LINES) > 0:
+            yield f"  and {more} more: GET /vendors and GET /robots have all"
+    yield from notes
+    things = sum(len(vendor.to_mend) for vendor in vendors) + len(notes)
+    if not vendors:
+        yield f"no vendor has sent anything in {seconds:g} s"
+    yield f"{things} to mend" if things else "nothing to mend" if vendors else "connect the robots, see docs/access.md"
+
+
+def _vendor(name: str, before: Answers, after: Answers, seconds: float) -> WatchedVendor:
+    was, now = before.vendors.get(name, {}), after.vendors.get(name, {})
+    messages = _more(was.get("messages", 0), now.get("messages", 0))
+    heard = [robot for robot in after.robots if robot["vendor"] == name and robot["age_s"] <= max(seconds, 60.0)]
+    lines = [*_rejections(name, was, now, after.rejected), *_uncompared(now, heard), *_odd_values(was, now)]
+    if not messages:
+        lines.append(
+            f"no message of {name} has come in {seconds:g} s: is it connected? GET /healthz and docs/access.md"
+        )
+    return WatchedVendor(
+        name,
+        ", ".join(FRONT_ENDS[language].standard for language in now.get("languages", ()) if language in FRONT_ENDS),
+        messages,
+        _risen(was, now, "rejections_by_rule").total(),
+        len(heard),
+        counted(robot.get("participant", "robot") for robot in heard),
+        sum(robot["location"] is not None for robot in heard),
+        sum(robot["compared"] for robot in heard),
+        tuple(lines),
+    )
+
+
+def _uncompared(now: Document, heard: Sequence[Document]) -> Iterator[str]:
+    """The robots that are compared with nobody until somebody mends something."""
+    faulty = {robot["uuid"]: robot for robot in now.get("not_compared", ()) if robot["fault"]}
+    waiting = {robot["uuid"]: robot for robot in heard if not robot["compared"] and not robot["examined"]}
+    for uuid, robot in (waiting | faulty).items():
+        reason = robot.get("reason") or waiting[uuid]["not_compared_reason"]
+        yield f"{robot['name']} is compared with nobody: {reason}"
+
+
+def _odd_values(was: Document, now: Document) -> Iterator[str]:
+    """What deviates: the values that are named, then the rules of which no value is."""
+    known = {(value["rule"], value["path"]): value["count"] for value in was.get("odd_values", ())}
+    named = set()
+    for value in now.get("odd_values", ()):
+        if count := _more(known.get((value["rule"], value["path"]), 0), value["count"]):
+            named.add(value["rule"])
+            yield f"{count} x {value['rule']}: {value_in_words(value)}"
+    for rule, count in _risen(was, now, "deviations_by_rule").items():
+        if rule not in named:
+            yield f"{count} x {rule}: {_meaning(rule, now.get('languages', ()))}"
+
+
+def _rejections(name: str, was: Document, now: Document, rejected: Sequence[Document]) -> Iterator[str]:
+    for rule, count in _risen(was, now, "rejections_by_rule").items():
+        examples = (row for row in rejected if (row["vendor"], row["rule"]) == (name, rule))
+        example = next(examples, None)
+        reason = example["reason"] if example else _meaning(rule, now.get("languages", ()))
+        yield f"{count} x rejected, {rule}: {reason}"
+        for odd in (example or {}).get("odd_values", ())[:MOST_VALUES]:
+            yield f"  {value_in_words(odd)}"
+
+
+def _risen(was: Document, now: Document, key: str) -> Counter[str]:
+    """By rule, how many more there are, the most first."""
+    before = was.get(key, {})
+    risen = {rule: _more(before.get(rule, 0), count) for rule, count in now.get(key, {}).items()}
+    return Counter(dict(sorted(((rule, more) for rule, more in risen.items() if more), key=lambda row: -row[1])))
+
+
+def _more(was: int, now: int) -> int:
+    """How many came between. A service that was started anew counts from 0."""
+    return now - was if now >= was else now
+
+
+def _meaning(rule: str, languages: Sequence[str]) -> str:
+    spoken = (FRONT_ENDS[language].rules for language in (*languages, *FRONT_ENDS) if language in FRONT_ENDS)
+    return next((rules[rule].sentence for rules in spoken if rule in rules), "see GET /quarantine")
+
 
 TO_MEND = 1
 """Exit code if something is to be mended."""

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from metrics.monitoring.promql import increase, increase_before, level, rate, share_within, time_share
-from metrics.monitoring.queries import VENDOR
-from metrics.monitoring.warning_queries import judged, share_in_vain
+from metrics.monitoring.queries import VENDOR, judged, share_in_vain
 
 OBJECTIVE_S = 0.25
 """The objective: a valid status is reflected in the advisories within this time (`docs/metrics.md`)."""

@@ -3,8 +3,21 @@
 from metrics.monitoring.alert_rules import OBJECTIVE_S, OBJECTIVE_SHARE
 from metrics.monitoring.panels import Dashboard, Query, panel, row
 from metrics.monitoring.promql import level, or_zero, share_within
-from metrics.monitoring.queries import STATUS_WAIT, VENDOR, WINDOW, each, measured, number, rated, zero_if_absent
-from metrics.monitoring.warning_queries import OUTCOMES, ahead_by, share_came_true, share_warned_of, warnings
+from metrics.monitoring.queries import (
+    OUTCOMES,
+    STATUS_WAIT,
+    VENDOR,
+    WINDOW,
+    ahead_by,
+    each,
+    measured,
+    number,
+    rated,
+    share_came_true,
+    share_warned_of,
+    warnings,
+    zero_if_absent,
+)
 
 _LOST = "deconflict_lost_seconds_total"
 _OPEN, _SITUATIONS = "deconflict_advisories_open", "deconflict_situations_open"

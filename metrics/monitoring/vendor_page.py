@@ -12,9 +12,10 @@ from metrics.monitoring.queries import (
     measured,
     rated,
     rated_by_vendor,
+    share_came_true,
+    share_warned_of,
     zero_if_absent,
 )
-from metrics.monitoring.warning_queries import share_came_true, share_warned_of
 
 _PER_MESSAGE = rate("deconflict_messages_total", WINDOW, VENDOR)
 _DEVIATIONS = or_zero_by_vendor(f"{rate('deconflict_deviations_total', WINDOW, VENDOR)} / {_PER_MESSAGE}")

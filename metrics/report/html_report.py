@@ -8,8 +8,7 @@ from metrics.report.drawings import figures
 from metrics.report.html_cells import Part, document, figure, maker, moment, number, report_style, share, table, terms
 from metrics.report.opening_sections import opening
 from metrics.report.place_sections import arrivals, contention, losses, places
-from metrics.report.quality_sections import QUALITY, contact_alone, quality_cells
-from metrics.report.situation_section import situations
+from metrics.report.quality_sections import QUALITY, contact_alone, quality_cells, situations
 from metrics.scoring.forecast_scores import BANDS
 
 MADE_FROM = {

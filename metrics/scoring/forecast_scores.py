@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from math import cos, hypot, isfinite, sin
 from typing import Any
 
-import numba
 import numpy as np
 
 from deconflict.foresight.motion_assumptions import JOINED_S
 from ingest.batch import Basis, Batch, Floats, Forecasts, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import FLOAT, INT, READ_CUBE, READ_FLOATS, READ_INTS, kernel, ready
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.truth.encounters import LAG_S
 
@@ -163,21 +162,7 @@ class ForecastScores:
             self._since_s = float(rest.t_s[rest.start[:-1]].min())
 
 
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-
-
-@kernel(
-    numba.types.Tuple((numba.float64[:, ::1], numba.int64[::1]))(  # type: ignore[no-untyped-call]
-        *[_INTS] * 4,
-        *[_FLOATS] * 4,
-        _INTS,
-        numba.types.Array(numba.float64, 3, "C", readonly=True),
-        numba.float64,
-        _FLOATS,
-        numba.float64,
-        numba.int64[:, :, ::1],
-    )
-)
+@kernel((*[READ_INTS] * 4, *[READ_FLOATS] * 4, READ_INTS, READ_CUBE, FLOAT, READ_FLOATS, FLOAT, INT[:, :, ::1]))
 def _errors(
     order: Ints,
     robot: Ints,

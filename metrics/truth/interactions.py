@@ -20,6 +20,8 @@ from metrics.truth.recorded_motion import RecordedPlace
 
 LOOKS_S: Floats = np.arange(AHEAD_S + 1.0)
 """Times after each report at which its forecast is sampled."""
+_COLUMNS = "_half_m", "_levels_m", "_place", "_vendor", "_heard_s", "_gap_s"
+"""Arrays by slot."""
 
 
 @dataclass(slots=True, eq=False)
@@ -163,12 +165,7 @@ class Interactions:
     def _slots_of(self, robots: Sequence[str]) -> Ints:
         slots, new = self._slots.assign(robots)
         if (more := len(self._slots) - len(self._heard_s)) > 0:
-            lengthen(
-                self,
-                ("_half_m", "_levels_m", "_place", "_vendor", "_heard_s", "_gap_s"),
-                max(more, len(self._heard_s), 16),
-                axis=-1,
-            )
+            lengthen(self, _COLUMNS, max(more, len(self._heard_s), 16), axis=-1)
             self._finder.grow(len(self._heard_s))
         self._heard_s[slots[new]] = -inf
         return slots

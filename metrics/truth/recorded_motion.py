@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from math import ceil, floor, inf, nan
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from deconflict.foresight.motion_assumptions import JOINED_S
@@ -14,7 +13,7 @@ from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.trailers import rows_of_trains, trailer_forecasts
 from ingest.batch import Batch, Floats, Forecasts, Ints
-from ingest.kernels import copy_row, inner, kernel, ready
+from ingest.kernels import FLOAT, INT, MATRIX, READ_FLOATS, READ_INTS, copy_row, inner, kernel, ready
 from ingest.shapes import MOST_TRAILERS
 
 BODIES = MOST_TRAILERS + 1
@@ -25,8 +24,6 @@ _LAST = ("t_s", "x", "y", "yaw", "floor", "since_s", "present_s", *_SIZE)
 _PRESENT = _LAST.index("present_s")
 _NEVER = np.array([0.0 if name == "present_s" else -inf for name in _LAST])
 """The last report of a robot before its first one."""
-
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 def without_doubted(batch: Batch, bands_m: Floats, doubted: Collection[str]) -> tuple[Batch, Floats]:
@@ -156,7 +153,7 @@ def _take_over(before: Floats, leg: Floats) -> None:
     copy_row(before[7:12], leg[11:16])
 
 
-@kernel(numba.float64[:, ::1](*[_INTS] * 2, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 5, numba.float64[:, ::1]))
+@kernel(MATRIX(*[READ_INTS] * 2, *[READ_FLOATS] * 4, READ_INTS, *[READ_FLOATS] * 5, MATRIX))
 def _legs(
     rows: Ints,
     start: Ints,
@@ -199,11 +196,7 @@ def _legs(
     return legs[:n].copy()
 
 
-@kernel(
-    numba.types.Tuple((numba.int64[::1], numba.float64[:, :, ::1]))(  # type: ignore[no-untyped-call]
-        numba.float64[:, ::1], numba.int64, numba.int64, numba.int64, numba.float64
-    )
-)
+@kernel((MATRIX, INT, INT, INT, FLOAT))
 def _joined(legs: Floats, bodies: int, first: int, samples: int, step_s: float) -> tuple[Ints, Floats]:
     """(r,) the bodies that are present at any sample, and (10, r, samples) x, y, yaw, floor, present since, length,
     width, bottom, top and shape; nan while one is absent."""

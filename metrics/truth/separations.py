@@ -3,14 +3,13 @@
 from math import hypot, inf, isnan
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from deconflict.sweep.geometry.envelope_distances import gap
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.shapes.shape_separations import Looks, bodies, shape_separations
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import CUBE, FLOAT, INTS, MATRIX, inner, kernel
 from metrics.truth.recorded_motion import SampledMotion
 
 
@@ -104,9 +103,6 @@ def _longer(table: Any) -> Any:
     return np.concatenate((table, np.empty_like(table)), axis=1)
 
 
-_MATRIX, _STACK = numba.float64[:, ::1], numba.float64[:, :, ::1]
-
-
 @inner
 def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Floats:
     """(r, 4) west, east, south and north bounds of each robot over all samples, extended by half of `within_m`."""
@@ -123,11 +119,7 @@ def _boxes(x_m: Floats, y_m: Floats, radius_m: Floats, within_m: float) -> Float
     return boxes
 
 
-@kernel(
-    numba.types.Tuple((numba.int64[:, ::1], _MATRIX))(  # type: ignore[no-untyped-call]
-        numba.int64[::1], _MATRIX, _MATRIX, _STACK, _STACK, _MATRIX, numba.float64, numba.float64
-    )
-)
+@kernel((INTS, MATRIX, MATRIX, CUBE, CUBE, MATRIX, FLOAT, FLOAT))
 def _near(
     robot: Ints,
     x_m: Floats,

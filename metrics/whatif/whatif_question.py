@@ -3,18 +3,50 @@
 import argparse
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from deconflict.settings.site import Site
-from ingest.recording.log_reader import Event
+from ingest.recording.log_reader import Event, LogReader
+from metrics.replay.replay import replay
+from metrics.scoring import compare
 from metrics.whatif.answer import NO_ANSWER, WhatIfAnswer, WhatIfModel
 from metrics.whatif.change import Change, ChangeError, named_outlines, one_way, priority, slow_zone, wider
 from metrics.whatif.demand import Demand
 from metrics.whatif.more_docks import more_docks
-from metrics.whatif.other_settings import SettingsAnswer, settings_compared
 from metrics.whatif.recorded_tracks import RecordedFloor, recorded_floor
 from metrics.whatif.simulated.ordered_places import demand_past_crossings, ordered
 from metrics.whatif.suggested_changes import SuggestedChanges, suggested, warning_counts
+
+HEAD = "A: as it is, B: with other settings. Robots drive as recorded: they are not driven again."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettingsAnswer:
+    """The scores of two replays of a log."""
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+    problems: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        return {"before": self.before, "after": self.after}
+
+    def lines(self) -> list[str]:
+        """The comparison for a person."""
+        return [HEAD, *compare.page(self.before, self.after).splitlines()]
+
+
+def settings_compared(logs: Sequence[Path], before: Site, after: Site) -> SettingsAnswer:
+    """The log with these settings and with others."""
+    return SettingsAnswer(_scores(logs, before), _scores(logs, after))
+
+
+def _scores(logs: Sequence[Path], site: Site) -> dict[str, Any]:
+    reader = LogReader()
+    return replay(reader, reader.read(logs), site, [site.conflict.clearance_m])
+
 
 __all__ = ["NO_ANSWER", "Answer", "answered", "settings_compared"]
 

@@ -19,7 +19,7 @@ from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.front_ends import FRONT_ENDS
 from ingest.languages.massrobotics.conformance_rules import RULES
-from ingest.languages.massrobotics.message_document import message_document
+from ingest.languages.massrobotics.massrobotics_front_end import message_document
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import Rejection
 from ingest.measures.measures import Measures

@@ -19,7 +19,7 @@ from ingest.languages.timestamps import write
 from ingest.measures.measures import Measures
 from ingest.recording.log_reader import LogReader
 from ingest.settings import Datum, Vendor
-from metrics.export.day_files import write_days
+from metrics.export.ledger_commands import write_days
 from metrics.monitoring.exposition import render
 from metrics.replay.engine_run import EngineRun
 from metrics.replay.log_scores import LogScores

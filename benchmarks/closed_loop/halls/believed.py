@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from deconflict.adviser import Request
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 from ingest.batch import Floats
 
 STOOD_S = 3.0

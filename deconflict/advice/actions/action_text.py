@@ -1,6 +1,16 @@
-"""Actions in words."""
+"""Actions of people in words, and how fast people react."""
 
 from deconflict_client.advisory import Action
+
+FIND_CAUSE = "see whether it is blocked or stopped by a fault, and clear the way or restart it"
+DRIVE_ASIDE = "drive it aside by hand, so that the others can pass"
+DRIVE_ON = "drive it on by hand"
+
+
+PERSON_REACTION_S = 3.0
+"""The shortest useful reaction of a person."""
+SHORTEST_WAIT_S = 3.0
+"""Nobody can have a robot wait for a shorter time."""
 
 
 def action_text(action: Action) -> str:

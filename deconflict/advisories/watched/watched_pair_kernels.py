@@ -35,7 +35,7 @@ from deconflict.advisories.watched.watched_pair_rows import OPEN_ADVISORY, PREDI
 from deconflict.foresight.presence.probably_left import PROBABLY_LEFT
 from deconflict.sweep.geometry.encounter import ENCOUNTER, Encounters
 from ingest.batch import Bools, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOAT, INTS, inner, kernel
 
 NO_CHANGE = -1
 """Nothing to do: the pair is not worth watching, or its advisory stands as it is."""
@@ -65,7 +65,6 @@ TOUCHING_M = 0.1
 _ADVISORIES, _PAIRS, _PREDICTED, _THRESHOLDS = (
     numba.from_dtype(dtype)[::1] for dtype in (OPEN_ADVISORY, WATCHED_PAIR, PREDICTED, THRESHOLDS)
 )
-_INTS, _BOOLS, _REAL = numba.int64[::1], numba.boolean[::1], numba.float64
 
 _is_likelier, _published_probability = inner(is_likelier), inner(published_probability)
 _severity_level = inner(severity_level)
@@ -250,11 +249,7 @@ def _unpredicted(pairs: NDArray[Any], advisories: NDArray[Any], now_s: float, th
     return rows[:n].copy(), codes[:n].copy()
 
 
-@kernel(
-    numba.types.Tuple([_INTS] * 4)(  # type: ignore[no-untyped-call]
-        _PAIRS, _ADVISORIES, _INTS, _PREDICTED, _REAL, _THRESHOLDS
-    )
-)
+@kernel((_PAIRS, _ADVISORIES, INTS, _PREDICTED, FLOAT, _THRESHOLDS))
 def examine_pairs(
     pairs: NDArray[Any],
     advisories: NDArray[Any],
@@ -290,7 +285,7 @@ def examine_pairs(
     return chosen[:n].copy(), codes[:n].copy(), *_unpredicted(pairs, advisories, now_s, limits)
 
 
-@kernel(_BOOLS(_ADVISORIES, _INTS, numba.from_dtype(ENCOUNTER)[::1], _REAL))
+@kernel(BOOLS(_ADVISORIES, INTS, numba.from_dtype(ENCOUNTER)[::1], FLOAT))
 def meet_elsewhere(advisories: NDArray[Any], rows: Ints, encounters: Encounters, moved_m: float) -> Bools:
     """(n,) whether `encounters` (n,) may differ from the advisories of `rows` (n,) in class, floor or place.
 

@@ -6,17 +6,12 @@ from itertools import accumulate, chain, compress, pairwise
 from math import inf
 from typing import NamedTuple, Self
 
-import numba
 import numpy as np
 
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.sweep.geometry.heights import at_one_height, heights_overlap
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
-
-_FLOATS, _INTS, _BOOLS = (
-    numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64, numba.boolean)
-)
+from ingest.kernels import FLOAT, READ_BOOLS, READ_FLOATS, READ_INTS, inner, kernel
 
 MOST_TURNS = 500
 """At one place: the time that they take grows with their square."""
@@ -157,11 +152,7 @@ def _delay_by_earlier(row: int, first: int, until_s: Floats, bottom_m: Floats, t
             free_s[soonest] = max(free_s[soonest], until_s[before])
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64[::1]] * 3, numba.int64[:, ::1]))(  # type: ignore[no-untyped-call]
-        _INTS, _BOOLS, *[_FLOATS] * 4, _INTS, _FLOATS, numba.float64
-    )
-)
+@kernel((READ_INTS, READ_BOOLS, *[READ_FLOATS] * 4, READ_INTS, READ_FLOATS, FLOAT))
 def _serve(
     start: Ints,
     coming: Bools,

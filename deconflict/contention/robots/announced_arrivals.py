@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Destinations, Floats, Ints
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import INT, READ_FLOATS, READ_INTS, inner, kernel, ready
 
 ARRIVED_M = 0.75
 """A robot this near to its destination has arrived."""
@@ -47,7 +47,6 @@ LAST_REPORT = np.dtype(
 """A robot's last report that was processed. A report that differs in nothing from it need not be."""
 
 _REPORTS = numba.types.Array(numba.from_dtype(LAST_REPORT), 1, "C")
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 class Announcement(NamedTuple):
@@ -69,7 +68,9 @@ def _write_points(
         report.x_m[to + k], report.y_m[to + k] = x_m[first + k], y_m[first + k]
 
 
-@kernel(numba.int64(numba.int64, _REPORTS, *[_INTS] * 2, _FLOATS, _INTS, *[_FLOATS] * 2, _INTS, _INTS, *[_FLOATS] * 2))
+@kernel(
+    (INT, _REPORTS, *[READ_INTS] * 2, READ_FLOATS, READ_INTS, *[READ_FLOATS] * 2, *[READ_INTS] * 2, *[READ_FLOATS] * 2)
+)
 def _next_new_report(
     row: int,
     reports: NDArray[Any],

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from deconflict.runtime.learned_state import Count, Form, Part
 from ingest.batch import Floats, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import FLOAT, MATRIX, READ_FLOATS, READ_INTS, kernel, ready
 
 DRAINS_S = 600.0
 """A drain is measured over at least this time."""
@@ -58,11 +58,10 @@ BATTERY = np.dtype(
     align=True,
 )
 _BATTERIES = numba.types.Array(numba.from_dtype(BATTERY), 1, "C")
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 _NEVER_REPORTED = np.array((np.nan,) * len(BATTERY.names or ()), BATTERY)
 
 
-@kernel(numba.float64[:, ::1](_BATTERIES, _INTS, *[_FLOATS] * 3, *[numba.float64] * 2))
+@kernel(MATRIX(_BATTERIES, READ_INTS, *[READ_FLOATS] * 3, *[FLOAT] * 2))
 def _update_levels(
     batteries: NDArray[Any],
     slots: Ints,

@@ -1,15 +1,12 @@
 """Bounding boxes: few numbers decide which shapes need not be compared."""
 
-import numba
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import INT_MATRIX, INTS, READ_MATRIX, inner, kernel
 
 ROUNDING_M = 1e-6
 """Margin for rounding errors."""
-
-_BOXES = numba.types.Array(numba.float64, 2, "C", readonly=True)
 
 
 @inner
@@ -23,7 +20,7 @@ def touching_boxes(boxes: Floats, others: Floats) -> Ints:
     return _touching(boxes, others, np.argsort(others[:, 0]))
 
 
-@kernel(numba.int64[:, ::1](_BOXES, _BOXES, numba.int64[::1]))
+@kernel(INT_MATRIX(READ_MATRIX, READ_MATRIX, INTS))
 def _touching(boxes: Floats, others: Floats, order: Ints) -> Ints:
     """The same, with the order of `others` from west to east."""
     ranked, west_m = others[order], others[order, 0]

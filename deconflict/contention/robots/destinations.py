@@ -12,7 +12,7 @@ from deconflict.contention.robots.lookahead import LOOKAHEAD, STEP_S, STEPS, Loo
 from deconflict.contention.robots.overdue_times import OVERDUE_S
 from deconflict.contention.robots.record_kernels import OUTLINES, ROBOT, STOP, Outlines, Records, Stops
 from ingest.batch import Bools, Destinations, Floats, Ints
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import FLOAT, READ_CUBE, READ_FLOATS, READ_INTS, READ_MATRIX, inner, kernel, ready
 
 MOST_STOPS = 20
 """So many stops of a robot are looked at, the first. The standard allows ten."""
@@ -22,10 +22,7 @@ FIRST_WAY_M = 10.0
 """So much of the way to its first stop is taken of a robot that is met standing."""
 
 _STOPS = numba.types.Array(numba.from_dtype(STOP), 2, "C")
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-_TABLE = numba.types.Array(numba.float64, 2, "C", readonly=True)
 _RECORDS = numba.types.Array(numba.from_dtype(ROBOT), 1, "C")
-_STACK = numba.types.Array(numba.float64, 3, "C", readonly=True)
 
 
 class PlannedStop(NamedTuple):
@@ -83,11 +80,7 @@ def write_stops(
     return stops, counts, bound
 
 
-@kernel(
-    numba.types.Tuple((numba.int64[::1], numba.boolean[::1]))(  # type: ignore[no-untyped-call]
-        _STOPS, *[_INTS] * 4, *[_FLOATS] * 3, numba.float64, LOOKAHEAD, _INTS, _TABLE, OUTLINES, numba.float64
-    )
-)
+@kernel((_STOPS, *[READ_INTS] * 4, *[READ_FLOATS] * 3, FLOAT, LOOKAHEAD, READ_INTS, READ_MATRIX, OUTLINES, FLOAT))
 def _write_stops(
     stops: Stops,
     slots: Ints,
@@ -149,7 +142,7 @@ def _time_left_s(left_s: Floats, overdue_s: Floats, late_s: float) -> tuple[floa
     return low, middle, high
 
 
-@kernel(numba.void(_RECORDS, _STOPS, _INTS, numba.float64, _INTS, _STACK, _FLOATS, numba.float64))
+@kernel(numba.void(_RECORDS, _STOPS, READ_INTS, FLOAT, READ_INTS, READ_CUBE, READ_FLOATS, FLOAT))
 def _postpone(
     robots: Records,
     stops: Stops,

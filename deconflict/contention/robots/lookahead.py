@@ -3,20 +3,17 @@
 from math import hypot
 from typing import NamedTuple, Self
 
-import numba
 import numpy as np
 
 from deconflict.contention.robots.bounding_boxes import write_box
 from deconflict.sweep.geometry.pose import poses_at
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.corners import corners_of
-from ingest.kernels import inner, kernel
+from ingest.kernels import ANY_FLOATS, CUBE, FLOATS, INT_MATRIX, MATRIX, READ_INTS, inner, kernel, named_type
 
 STEP_S = 0.5
 STEPS = 20
 _AHEAD_S: Floats = STEP_S * np.arange(STEPS + 1, dtype=np.float64)
-
-_INTS = numba.types.Array(numba.int64, 1, "C", readonly=True)
 
 
 class Lookahead(NamedTuple):
@@ -57,7 +54,7 @@ class PathsAhead(NamedTuple):
 _corners_of = inner(corners_of)
 
 
-@kernel(numba.float64[:, :, ::1](*[numba.types.Array(numba.float64, 1, "A", readonly=True)] * 5))
+@kernel(CUBE(*[ANY_FLOATS] * 5))
 def corners(x_m: Floats, y_m: Floats, yaw_rad: Floats, length_m: Floats, width_m: Floats) -> Floats:
     """(n, 4, 2) the corners of envelopes at poses; all arguments are (n,)."""
     found = np.empty((len(x_m), 4, 2))
@@ -80,20 +77,12 @@ def look_ahead(forecasts: Forecasts, now_s: float) -> Lookahead:
     return Lookahead(t_s, x_m, y_m, yaw_rad, floor.astype(np.int64))
 
 
-LOOKAHEAD = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (*[numba.float64[:, ::1]] * 4, numba.int64[:, ::1]), Lookahead
-)
-PATHS_AHEAD = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (numba.float64[:, :, ::1], numba.float64[:, ::1], numba.float64[::1]), PathsAhead
-)
+LOOKAHEAD = named_type(Lookahead, *[MATRIX] * 4, INT_MATRIX)
+PATHS_AHEAD = named_type(PathsAhead, CUBE, MATRIX, FLOATS)
 """The types of `Lookahead` and `PathsAhead` in kernels."""
 
 
-@kernel(
-    numba.types.Tuple((numba.float64[:, :, ::1], *[numba.float64[:, ::1]] * 2))(  # type: ignore[no-untyped-call]
-        numba.float64[:, ::1], numba.float64[:, ::1], numba.int64[:, ::1], _INTS
-    )
-)
+@kernel((MATRIX, MATRIX, INT_MATRIX, READ_INTS))
 def _paths(x_m: Floats, y_m: Floats, floor: Ints, known: Ints) -> tuple[Floats, Floats, Floats]:
     n, steps = x_m.shape
     lines_m, boxes_m, legs_m = np.empty((n, steps, 2)), np.empty((n, 4)), np.zeros((n, steps - 1))

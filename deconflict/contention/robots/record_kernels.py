@@ -15,7 +15,20 @@ from shapely.ops import substring
 from deconflict.contention.robots.bounding_boxes import write_box
 from deconflict.contention.robots.lookahead import LOOKAHEAD, PATHS_AHEAD, STEP_S, STEPS, Lookahead, PathsAhead
 from ingest.batch import Basis, Bools, Floats, Ints
-from ingest.kernels import copy_rows, inner, kernel
+from ingest.kernels import (
+    CUBE,
+    FLOAT,
+    INTS,
+    MATRIX,
+    READ_BOOLS,
+    READ_FLOATS,
+    READ_INTS,
+    READ_MATRIX,
+    copy_rows,
+    inner,
+    kernel,
+    named_type,
+)
 
 STANDS_M = 0.1
 """A robot that has moved no farther than this stands."""
@@ -124,10 +137,8 @@ class Outlines(NamedTuple):
 
 _RECORDS = numba.types.Array(numba.from_dtype(ROBOT), 1, "C")
 _STOPS = numba.types.Array(numba.from_dtype(STOP), 2, "C")
-_FLOATS, _INTS, _BOOLS = (
-    numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64, numba.boolean)
-)
-OUTLINES = numba.types.NamedTuple((numba.int64[::1], numba.float64[:, ::1]), Outlines)  # type: ignore[no-untyped-call]
+_SIZES = numba.types.UniTuple(READ_FLOATS, 4)  # type: ignore[no-untyped-call]
+OUTLINES = named_type(Outlines, INTS, MATRIX)
 """The type of `Outlines` in kernels."""
 _STATIONARY, _VELOCITY = int(Basis.STATIONARY), int(Basis.VELOCITY)
 
@@ -202,21 +213,21 @@ def _update_near(robot: Any, path_box_m: Floats, resources: Outlines, zones: Out
 
 
 @kernel(
-    numba.int64[::1](
+    INTS(
         _RECORDS,
-        numba.float64[:, :, ::1],
-        *[_INTS] * 2,
-        _FLOATS,
-        numba.types.Array(numba.float64, 2, "C", readonly=True),
-        _BOOLS,
-        _INTS,
+        CUBE,
+        *[READ_INTS] * 2,
+        READ_FLOATS,
+        READ_MATRIX,
+        READ_BOOLS,
+        READ_INTS,
         LOOKAHEAD,
         PATHS_AHEAD,
-        numba.types.UniTuple(_FLOATS, 4),  # type: ignore[no-untyped-call]
-        _INTS,
-        _BOOLS,
+        _SIZES,
+        READ_INTS,
+        READ_BOOLS,
         *[OUTLINES] * 2,
-        numba.float64,
+        FLOAT,
     )
 )
 def update_records(
@@ -278,11 +289,7 @@ def update_records(
     return stale
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64[:, ::1]] * 3, numba.int64[:, ::1], *[numba.int64[::1]] * 2))(  # type: ignore[no-untyped-call]
-        _RECORDS, _STOPS, numba.float64
-    )
-)
+@kernel((_RECORDS, _STOPS, FLOAT))
 def collect_boxes(robots: Records, stops: Stops, spare_m: float) -> tuple[Floats, Floats, Floats, Ints, Ints, Ints]:
     """Boxes of stops that lie in no resource, of robots that stand, and of the paths of robots that move or wait.
 

@@ -8,8 +8,7 @@ from itertools import islice
 from math import ceil, hypot
 from typing import Any
 
-from deconflict.advice.actions.looking import DRIVE_ON
-from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
+from deconflict.advice.actions.action_text import DRIVE_ON, SHORTEST_WAIT_S
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_view import RobotView
 from deconflict.contention.waiting.blockages import Blockage

@@ -105,24 +105,9 @@ def back_out(
         out_s = max(lane_m + other.length_m - other_m, back_m) / SPEED_MPS
         starts_s = now_s + out_s + CHANGEOVER_S
         cost_s = priority(robot.uuid) * (starts_s - now_s + back_m / SPEED_MPS)
-        first = Slot(
-            robot=other.uuid,
-            resource=link.where,
-            start_at=moment(now_s),
-            end_at=moment(now_s + out_s),
-            wait_s=0.0,
-        )
-        second = first.model_copy(
-            update={"robot": robot.uuid, "wait_s": round(starts_s - now_s, 3), "start_at": moment(starts_s)}
-        )
-        second = second.model_copy(update={"end_at": moment(starts_s + lane_m / SPEED_MPS)})
-        advice = Recommendation(
-            slots=(first, second),
-            cost_s=round(cost_s, 3),
-            bound_s=0.0,
-            proven_optimal=False,
-        )
-        plans.append((cost_s, robot.uuid, back_m, advice))
+        first = _slot(other.uuid, link.where, now_s, now_s + out_s, 0.0)
+        second = _slot(robot.uuid, link.where, starts_s, starts_s + lane_m / SPEED_MPS, starts_s - now_s)
+        plans.append((cost_s, robot.uuid, back_m, _advice((first, second), cost_s)))
     _, uuid, back_m, advice = min(plans, key=itemgetter(0, 1))
     return advice, uuid, back_m
 
@@ -170,26 +155,23 @@ def _plan(chain: Sequence[RingMove], refuge: Refuge) -> Recommendation:
     for move in others:
         leaves_s = max(move.leaves_s, left_s + CLEAR_S)
         late_s = leaves_s - move.leaves_s
-        slots.append(_slot(move, leaves_s + move.way_s, late_s))
+        slots.append(_arrival(move, leaves_s + move.way_s, late_s))
         cost_s, left_s = cost_s + move.priority * late_s, leaves_s
     moves_on_s = max(at_refuge_s, left_s + CLEAR_S)
     arrives_s = moves_on_s + hypot(first.to.x_m - refuge.x_m, first.to.y_m - refuge.y_m) / SPEED_MPS
     late_s = max(arrives_s - first.leaves_s - first.way_s, 0.0)
-    stay = Slot(
-        robot=first.robot,
-        resource=refuge.resource,
-        start_at=moment(at_refuge_s),
-        end_at=moment(moves_on_s),
-        wait_s=0.0,
-    )
-    return Recommendation(
-        slots=(stay, *slots, _slot(first, arrives_s, late_s)),
-        cost_s=round(cost_s + first.priority * late_s, 3),
-        bound_s=0.0,
-        proven_optimal=False,
-    )
+    stay = _slot(first.robot, refuge.resource, at_refuge_s, moves_on_s, 0.0)
+    return _advice((stay, *slots, _arrival(first, arrives_s, late_s)), cost_s + first.priority * late_s)
 
 
-def _slot(move: RingMove, arrives_s: float, late_s: float) -> Slot:
-    at = moment(arrives_s)
-    return Slot(robot=move.robot, resource=move.to.resource or "", start_at=at, end_at=at, wait_s=round(late_s, 3))
+def _arrival(move: RingMove, arrives_s: float, late_s: float) -> Slot:
+    return _slot(move.robot, move.to.resource or "", arrives_s, arrives_s, late_s)
+
+
+def _slot(robot: str, resource: str, start_s: float, end_s: float, wait_s: float) -> Slot:
+    start_at, end_at = moment(start_s), moment(end_s)
+    return Slot(robot=robot, resource=resource, start_at=start_at, end_at=end_at, wait_s=round(wait_s, 3))
+
+
+def _advice(slots: tuple[Slot, ...], cost_s: float) -> Recommendation:
+    return Recommendation(slots=slots, cost_s=round(cost_s, 3), bound_s=0.0, proven_optimal=False)

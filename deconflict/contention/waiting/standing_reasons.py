@@ -1,6 +1,6 @@
 """Why a robot stands, as far as its reports say it, and what a person does about it there."""
 
-from deconflict.advice.actions.looking import FIND_CAUSE
+from deconflict.advice.actions.action_text import FIND_CAUSE
 from deconflict.contention.robots.robot_view import RobotView
 
 STATE_PHRASES = {

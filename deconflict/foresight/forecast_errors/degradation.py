@@ -17,7 +17,7 @@ from deconflict.foresight.forecast_errors.track_kernels import ERROR, Errors
 from deconflict.foresight.forecast_errors.upper_quantiles import BINS, upper_quantiles
 from deconflict.runtime.learned_state import Form, Part, UnreadableError
 from ingest.batch import Basis, Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import FLOAT, FLOATS, INT, INTS, MATRIX, kernel
 from ingest.measures.change_detection import ChangeDetector, ChangeLimits, LevelChange
 
 GATHERED_S, FEWEST = 120.0, 20
@@ -36,16 +36,7 @@ FORM = Form(
 )
 
 
-@kernel(
-    numba.int64(
-        numba.float64[::1],
-        numba.float64[:, ::1],
-        numba.int64[::1],
-        numba.from_dtype(ERROR)[::1],
-        *[numba.int64] * 2,
-        *[numba.float64] * 3,
-    )
-)
+@kernel(INT(FLOATS, MATRIX, INTS, numba.from_dtype(ERROR)[::1], *[INT] * 2, *[FLOAT] * 3))
 def _gather(
     since_s: Floats,
     counts: Floats,

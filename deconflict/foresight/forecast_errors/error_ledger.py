@@ -18,7 +18,7 @@ from deconflict.foresight.forecast_errors.upper_quantiles import BINS, BINS_TEXT
 from deconflict.runtime.learned_state import Column, count_column, time_column
 from deconflict.sweep.robot_slots import lengthen
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOAT, INTS, READ_FLOATS, inner, kernel
 
 HORIZONS = 10
 """Forecasts are compared with reports at this many whole seconds ahead, from 1 on."""
@@ -57,8 +57,7 @@ RADIAL = 0
 """The place of radial errors in the counts. Those along the heading and across it are at 1 and 2."""
 
 
-_COUNTS = tuple(numba.types.Array(numba.float64, dimensions, "C") for dimensions in (4, 3, 3, 2, 3, 1))
-_SHARES = numba.types.Array(numba.float64, 1, "C", readonly=True)
+_COUNTS = tuple(numba.types.Array(FLOAT, dimensions, "C") for dimensions in (4, 3, 3, 2, 3, 1))
 
 
 @inner
@@ -74,11 +73,7 @@ def _fade(counts: Floats, bias_m: Floats, covered: Floats, cases: Floats, row: i
             covered[row, column, band] *= kept
 
 
-@kernel(
-    numba.void(
-        *_COUNTS, numba.boolean[::1], numba.from_dtype(ERROR)[::1], *[_SHARES] * 3, *[numba.float64] * 2, numba.float64
-    )
-)
+@kernel(numba.void(*_COUNTS, BOOLS, numba.from_dtype(ERROR)[::1], *[READ_FLOATS] * 3, *[FLOAT] * 2, FLOAT))
 def _count(
     counts: Floats,
     bias_m: Floats,
@@ -119,7 +114,7 @@ def _count(
                 level[row, column, band] = min(max(level[row, column, band], lowest[band]), highest[band])
 
 
-@kernel(numba.void(_COUNTS[1], numba.int64[::1]))
+@kernel(numba.void(_COUNTS[1], INTS))
 def _widen(bands_m: Floats, rows: Ints) -> None:
     """Make the bands of `rows` grow with the share and with the horizon."""
     for row in rows:

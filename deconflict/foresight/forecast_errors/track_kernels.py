@@ -20,7 +20,20 @@ from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.geometry.envelope_distances import signed_gap
 from ingest.batch import Bools, Floats, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel
+from ingest.kernels import (
+    ANY_FLOATS,
+    BOOL_MATRIX,
+    CUBE,
+    CUBES,
+    FLOAT,
+    INT,
+    INT_MATRIX,
+    INTS,
+    MATRIX,
+    inner,
+    kernel,
+    named_type,
+)
 
 ROBOT = np.dtype(
     [
@@ -128,26 +141,11 @@ LONG_AGO_S = -1e12
 """Before any report."""
 
 _ROBOTS, _ERRORS = (numba.from_dtype(dtype)[::1] for dtype in (ROBOT, ERROR))
-_INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
-_HISTORY = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (
-        *[_MATRIX] * 2,
-        _CUBE,
-        _MATRIX,
-        _INTS,
-        _MATRIX,
-        numba.boolean[:, ::1],
-        _INTS,
-        numba.int64[:, ::1],
-        *[numba.float64[:, :, :, ::1]] * 2,
-    ),
-    ReportHistory,
+_HISTORY = named_type(
+    ReportHistory, *[MATRIX] * 2, CUBE, MATRIX, INTS, MATRIX, BOOL_MATRIX, INTS, INT_MATRIX, *[CUBES] * 2
 )
-POSES = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (*[_MATRIX] * 5, numba.boolean[:, ::1], _MATRIX), RelativePoses
-)
+POSES = named_type(RelativePoses, *[MATRIX] * 5, BOOL_MATRIX, MATRIX)
 """The type of `RelativePoses` in kernels."""
-_READ_ONLY = numba.types.Array(numba.float64, 1, "A", readonly=True)
 CREEPS_MPS, TURNS_RADPS = 0.1, 0.2
 """By its reports, a robot that moves and turns more slowly stands."""
 CREEPS_SHARE, STILL_MPS = 0.3, 0.02
@@ -196,7 +194,7 @@ def _speed_mps(history: ReportHistory, slot: int) -> float:
     return float(np.hypot(newest[slot, 1] - previous[slot, 1], newest[slot, 2] - previous[slot, 2]) / lasted_s)
 
 
-@kernel(numba.float64(_HISTORY, numba.int64))
+@kernel(FLOAT(_HISTORY, INT))
 def speed_mps(history: ReportHistory, slot: int) -> float:
     """See `_speed_mps`."""
     return _speed_mps(history, slot)
@@ -215,7 +213,7 @@ def on_track(track: Floats, slot: int, since_s: float) -> Pose:
     return x, y, yaw + share * _turn_between(yaw, track[slot, whole + 1, 2]), track[slot, whole, 3]
 
 
-@kernel(POSES(_HISTORY, *[_INTS] * 2, *[_READ_ONLY] * 2, numba.float64, _MATRIX))
+@kernel(POSES(_HISTORY, *[INTS] * 2, *[ANY_FLOATS] * 2, FLOAT, MATRIX))
 def relative_poses(
     history: ReportHistory, a: Ints, b: Ints, past_looks: Floats, ahead_s: Floats, now_s: float, late_s: Floats
 ) -> RelativePoses:
@@ -394,11 +392,7 @@ def _set_error(error: Any, along_m: float, across_m: float) -> None:
     error.along_bin, error.across_bin = _bin(abs(along_m)), _bin(abs(across_m))
 
 
-@kernel(
-    numba.types.Tuple((_ERRORS, numba.boolean[::1]))(  # type: ignore[no-untyped-call]
-        _ROBOTS, _MATRIX, _HISTORY, *[_INTS] * 2, *[_READ_ONLY] * 4, *[_CUBE] * 2
-    )
-)
+@kernel((_ROBOTS, MATRIX, _HISTORY, *[INTS] * 2, *[ANY_FLOATS] * 4, *[CUBE] * 2))
 def add_reports(
     robots: Robots,
     half_m: Floats,

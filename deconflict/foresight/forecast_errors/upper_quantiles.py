@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import CUBE, FLOAT, INTS, kernel
 
 SMALLEST_M, STEP, BINS = 1e-3, 1.1, 128
 """The first bin holds all distances up to `SMALLEST_M`, the last all beyond 180 m."""
@@ -19,7 +19,7 @@ BINS_TEXT = f"{BINS} bins up to {SMALLEST_M:g} and from there by {STEP:g}"
 LIMITS_M: Floats = EDGES_M[:-1] * STEP**1e-9
 """(BINS - 1,) the largest distance of each bin but the last. It is a little above the edge, so that a distance that is
 beyond the edge by rounding alone stays in the bin."""
-_EDGES, _TABLES = (numba.types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (1, 3))
+_EDGES, _TABLES = (numba.types.Array(FLOAT, dimensions, "A", readonly=True) for dimensions in (1, 3))
 _FIRST: Ints = np.zeros(1, np.int64)
 
 
@@ -28,7 +28,7 @@ def bins(distances_m: Floats) -> Ints:
     return np.searchsorted(LIMITS_M, distances_m)
 
 
-@kernel(numba.void(*[_TABLES] * 2, numba.int64[::1], _EDGES, numba.float64[:, :, ::1]))
+@kernel(numba.void(*[_TABLES] * 2, INTS, _EDGES, CUBE))
 def _set_upper_quantiles(counts: Floats, shares: Floats, rows: Ints, edges_m: Floats, found: Floats) -> None:
     sums = np.empty(counts.shape[2])
     for row in rows:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2, JOINED_S, LOST_S, MOVES_MPS, SPACED_S
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, CUBE, CUBES, FLOATS, INTS, MATRIX, READ_FLOATS, inner, kernel
 
 KEPT = 12
 """Number of reports in the history of a robot."""
@@ -69,15 +69,14 @@ STATE = np.dtype(
 )
 
 _STATES, _FINDINGS = (numba.from_dtype(dtype)[::1] for dtype in (STATE, FINDING))
-_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
-_TRACKS = numba.float64[:, :, :, ::1]
-_STAMPS = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
-def _delay_s(track: Floats, made_s: float, x: float, y: float, at_s: float) -> tuple[float, float]:
-    """How much later than by its forecast `track` (AHEAD_S + 1, 3) a robot is at a place, and its distance from the
-    way."""
+def _delay_s(t_s: Floats, tracks: Floats, slot: int, made: int, place: int) -> tuple[float, float]:
+    """How much later a robot is where it was at report `place` of its history than by the forecast of report `made`,
+    and its distance from the way."""
+    track, made_s = tracks[slot, made], t_s[slot, made]
+    x, y, at_s = tracks[slot, place, 0, 0], tracks[slot, place, 0, 1], t_s[slot, place]
     least_m, delay_s = inf, 0.0
     for leg in range(len(track) - 1):
         from_x, from_y = track[leg, 0], track[leg, 1]
@@ -187,7 +186,7 @@ def _find_braking(
 ) -> bool:
     """Find whether the newest report shows that a robot has braked, and fill in `finding`. The way that it has lost
     must be more than the usual errors `usual_m` (AHEAD_S,) of its kind, by whole seconds ahead."""
-    now, now_s = tracks[slot, state.newest, 0], t_s[slot, state.newest]
+    now_s = t_s[slot, state.newest]
     for back in range(1, min(state.reports - 1, 7)):
         place = _before(state, back)
         at_s, top_mps = t_s[slot, place], max(speed[slot, place], speed[slot, _before(state, back + 1)])
@@ -198,19 +197,14 @@ def _find_braking(
         further = _forecast_before(state, t_s, slot, back)
         if further < 0:
             continue
-        made = _before(state, further)
-        track, made_s, following = tracks[slot, made], t_s[slot, made], _before(state, back - 1)
-        then_s, _ = _delay_s(track, made_s, tracks[slot, place, 0, 0], tracks[slot, place, 0, 1], at_s)
-        next_s, _ = _delay_s(
-            track, made_s, tracks[slot, following, 0, 0], tracks[slot, following, 0, 1], t_s[slot, following]
-        )
-        late_s, _ = _delay_s(track, made_s, now[0], now[1], now_s)
-        lost_s, usually_m = late_s - then_s, usual_m[min(int(now_s - made_s), AHEAD_S - 1)]
+        made, following = _before(state, further), _before(state, back - 1)
+        then_s, _ = _delay_s(t_s, tracks, slot, made, place)
+        next_s, _ = _delay_s(t_s, tracks, slot, made, following)
+        late_s, _ = _delay_s(t_s, tracks, slot, made, state.newest)
+        lost_s, usually_m = late_s - then_s, usual_m[min(int(now_s - t_s[slot, made]), AHEAD_S - 1)]
         if lost_s >= LOST_S and next_s - then_s >= GROWS_S and lost_s * top_mps >= usually_m:
             before = _before(state, back + 1)
-            was_s, _ = _delay_s(
-                track, made_s, tracks[slot, before, 0, 0], tracks[slot, before, 0, 1], t_s[slot, before]
-            )
+            was_s, _ = _delay_s(t_s, tracks, slot, made, before)
             begun_s = _begun_s(top_mps, next_s - min(was_s, then_s), t_s[slot, following])
             finding.kind, finding.onset_s = BRAKED, max(begun_s, t_s[slot, before])
             finding.doubt_s = t_s[slot, following] - at_s
@@ -224,12 +218,12 @@ def _find_braking(
 def _find_sparse_braking(state: Any, t_s: Floats, tracks: Floats, speed: Floats, slot: int, finding: Any) -> bool:
     """The same for a robot that reports rarely, by its delay against the forecast of its last report."""
     place = _before(state, 1)
-    at_s, now_s, track = t_s[slot, place], t_s[slot, state.newest], tracks[slot, place]
+    at_s, now_s = t_s[slot, place], t_s[slot, state.newest]
     lasted_s = now_s - at_s
-    forecast_mps = _expected_m(track, 2.0) / 2.0
+    forecast_mps = _expected_m(tracks[slot, place], 2.0) / 2.0
     if lasted_s > AHEAD_S or forecast_mps <= MOVES_MPS or speed[slot, state.newest] >= BRAKES * forecast_mps:
         return False
-    late_s, _ = _delay_s(track, at_s, tracks[slot, state.newest, 0, 0], tracks[slot, state.newest, 0, 1], now_s)
+    late_s, _ = _delay_s(t_s, tracks, slot, place, state.newest)
     if late_s < LOST_S:
         return False
     finding.kind, finding.doubt_s = BRAKED, lasted_s / 2
@@ -257,11 +251,10 @@ def _find_swerving(
     further = _forecast_before(state, t_s, slot, 1)
     if further < 0:
         return False
-    made, last = _before(state, further), _before(state, 1)
-    track, made_s, now_s = tracks[slot, made], t_s[slot, made], t_s[slot, state.newest]
-    bound_m = max(half_width_m, usual_m[min(int(now_s - made_s), AHEAD_S - 1)])
-    _, was_off_m = _delay_s(track, made_s, tracks[slot, last, 0, 0], tracks[slot, last, 0, 1], t_s[slot, last])
-    _, off_m = _delay_s(track, made_s, tracks[slot, state.newest, 0, 0], tracks[slot, state.newest, 0, 1], now_s)
+    made, last, now_s = _before(state, further), _before(state, 1), t_s[slot, state.newest]
+    bound_m = max(half_width_m, usual_m[min(int(now_s - t_s[slot, made]), AHEAD_S - 1)])
+    _, was_off_m = _delay_s(t_s, tracks, slot, made, last)
+    _, off_m = _delay_s(t_s, tracks, slot, made, state.newest)
     if not (off_m > bound_m >= was_off_m and t_s[slot, last] > state.noticed_s):
         return False
     finding.kind, finding.onset_s, finding.doubt_s = SWERVED, t_s[slot, last], now_s - t_s[slot, last]
@@ -283,20 +276,7 @@ def _note_finding(state: Any, now_mps: float, finding: Any) -> None:
     state.slowest_mps, state.noticed_s = now_mps, finding.onset_s + finding.doubt_s
 
 
-@kernel(
-    _FINDINGS(
-        _STATES,
-        _MATRIX,
-        _TRACKS,
-        *[_MATRIX] * 3,
-        _INTS,
-        _STAMPS,
-        numba.float64[:, :, ::1],
-        _FLOATS,
-        numba.boolean[::1],
-        _MATRIX,
-    )
-)
+@kernel(_FINDINGS(_STATES, MATRIX, CUBES, *[MATRIX] * 3, INTS, READ_FLOATS, CUBE, FLOATS, BOOLS, MATRIX))
 def add_reports(
     states: NDArray[Any],
     t_s: Floats,

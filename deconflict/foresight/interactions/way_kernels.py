@@ -15,7 +15,7 @@ from deconflict.foresight.interactions.progress_kernels import AHEAD_S, KEPT, ST
 from deconflict.foresight.motion_assumptions import BRAKES_MPS2
 from deconflict.sweep.geometry.envelope_distances import rectangle_gap
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import CUBES, FLOAT, FLOATS, INT, INTS, MATRIX, inner, kernel
 
 BEYOND_M = 1.0
 """A robot is in the way of another one if it is on that one's way within its stopping distance plus this."""
@@ -25,7 +25,6 @@ NEARER_M = 0.05
 """They must also come nearer than they were by this: a robot that stands beside the way is not in it."""
 
 _STATES = numba.from_dtype(STATE)[::1]
-_INTS, _FLOATS, _MATRIX = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1]
 
 
 @inner
@@ -124,12 +123,7 @@ def _way_left_m(
     return inf
 
 
-@kernel(
-    _FLOATS(
-        _STATES, _MATRIX, numba.float64[:, :, :, ::1], _INTS, _MATRIX, numba.int64, _INTS, _FLOATS, _MATRIX,
-        numba.float64, _MATRIX,
-    )
-)  # fmt: skip
+@kernel(FLOATS(_STATES, MATRIX, CUBES, INTS, MATRIX, INT, INTS, FLOATS, MATRIX, FLOAT, MATRIX))
 def ways_left_m(
     states: NDArray[Any],
     t_s: Floats,

@@ -132,16 +132,24 @@ def way_ahead(track: Floats, x_m: float, y_m: float, yaw_rad: float, length_m: f
 
 
 @inner
+def half_sides_m(robots: KnownRobots, slot: int, other: int) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """The half sides of two robots, and how far apart their centres are at most where their bodies touch."""
+    half_m = robots.half_m
+    half, other_half = (half_m[0, slot], half_m[1, slot]), (half_m[0, other], half_m[1, other])
+    return half, other_half, hypot(half[0], half[1]) + hypot(other_half[0], other_half[1])
+
+
+@inner
 def _way_left_m(
     robots: KnownRobots, losing: LosingRobot, other: int, at_s: float, gone_m: float, most_m: float
 ) -> tuple[float, bool]:
     """How far a robot can drive on its way, of which it has gone `gone_m`, until it is at another one as that stands at
     `at_s`, and whether it only passes beside it; inf if it does not come near within `most_m`."""
-    way, half_m = losing.way, robots.half_m
+    way = losing.way
     x, y, yaw = pose_of(robots, other, at_s)
     turn = cos(yaw), sin(yaw)
-    half, other_half = (half_m[0, losing.slot], half_m[1, losing.slot]), (half_m[0, other], half_m[1, other])
-    reach_m = hypot(half[0], half[1]) + hypot(other_half[0], other_half[1]) + BESIDE_M
+    half, other_half, touch_m = half_sides_m(robots, losing.slot, other)
+    reach_m = touch_m + BESIDE_M
     beside_m, first_m, is_first = inf, inf, True
     for at in range(len(way)):
         ahead_m = way[at, 3] - gone_m
@@ -192,10 +200,9 @@ def _cost_on_way(robots: KnownRobots, losing: LosingRobot, other: int) -> float:
 @inner
 def _crosses(robots: KnownRobots, losing: LosingRobot, other: int) -> bool:
     """Whether the way that another robot has come, or goes, crosses the way of a robot."""
-    half_m, way = robots.half_m, losing.way
-    half = half_m[0, losing.slot], half_m[1, losing.slot]
-    other_half = half_m[0, other], half_m[1, other]
-    reach_m = hypot(half[0], half[1]) + hypot(other_half[0], other_half[1]) + CROSSES_GAP_M
+    way = losing.way
+    half, other_half, touch_m = half_sides_m(robots, losing.slot, other)
+    reach_m = touch_m + CROSSES_GAP_M
     x, y, _ = pose_of(robots, other, losing.end_s)
     track, nearest, least_m = robots.ways[other], 0, inf
     if robots.has_way[other]:
@@ -228,9 +235,9 @@ def _crosses(robots: KnownRobots, losing: LosingRobot, other: int) -> bool:
 @inner
 def _cost_near_way(robots: KnownRobots, losing: LosingRobot, other: int, near_m: float) -> float:
     """How far away another robot counts as that is not further than `near_m` beside the way ahead; inf if none is."""
-    way, half_m = losing.way, robots.half_m
-    half, other_half = (half_m[0, losing.slot], half_m[1, losing.slot]), (half_m[0, other], half_m[1, other])
-    reach_m = hypot(half[0], half[1]) + hypot(other_half[0], other_half[1]) + near_m
+    way = losing.way
+    half, other_half, touch_m = half_sides_m(robots, losing.slot, other)
+    reach_m = touch_m + near_m
     x, y, yaw = pose_of(robots, other, losing.end_s)
     turn, least = (cos(yaw), sin(yaw)), inf
     for at in range(len(way)):

@@ -8,6 +8,7 @@ from deconflict.foresight.losses.blockers import (
     TOUCHES_M,
     LosingRobot,
     find_blocker,
+    half_sides_m,
     way_ahead,
 )
 from deconflict.foresight.losses.losing import APART_S, RESTS, STANDS_M, KnownRobots, Losing, nearest_rows
@@ -44,12 +45,9 @@ def _has_stood(robots: KnownRobots, states: Losing, slot: int, now_s: float) -> 
 @inner
 def _gap_m(robots: KnownRobots, slot: int, pose: Floats, other: int, other_pose: Floats, most_m: float) -> float:
     """How far two robots are apart at two poses (4,); inf if that is more than `most_m`."""
-    half, other_half = (
-        (robots.half_m[0, slot], robots.half_m[1, slot]),
-        (robots.half_m[0, other], robots.half_m[1, other]),
-    )
+    half, other_half, touch_m = half_sides_m(robots, slot, other)
     dx, dy = other_pose[0] - pose[0], other_pose[1] - pose[1]
-    if hypot(dx, dy) > hypot(half[0], half[1]) + hypot(other_half[0], other_half[1]) + most_m:
+    if hypot(dx, dy) > touch_m + most_m:
         return inf
     turn, other_turn = (cos(pose[2]), sin(pose[2])), (cos(other_pose[2]), sin(other_pose[2]))
     return float(rectangle_gap(dx, dy, turn, other_turn, half, other_half))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, CUBE, CUBES, INTS, MATRIX, inner, kernel, named_type
 
 RESTS, WAITS, GOES, HALTS = range(4)
 """What a robot says of itself: it is not on its way, it waits, it is on its way, or it waits and does not name its
@@ -97,20 +97,7 @@ class KnownRobots(NamedTuple):
     """(rows,) whose they are."""
 
 
-_INTS, _MATRIX, _TRACKS = numba.int64[::1], numba.float64[:, ::1], numba.float64[:, :, :, ::1]
-KNOWN = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (
-        *[_INTS] * 2,
-        _MATRIX,
-        _TRACKS,
-        *[_MATRIX] * 3,
-        _INTS,
-        numba.float64[:, :, ::1],
-        numba.boolean[::1],
-        *[_INTS] * 2,
-    ),
-    KnownRobots,
-)
+KNOWN = named_type(KnownRobots, *[INTS] * 2, MATRIX, CUBES, *[MATRIX] * 3, INTS, CUBE, BOOLS, *[INTS] * 2)
 """The type of `KnownRobots` in kernels."""
 
 
@@ -120,7 +107,7 @@ def square(floor: float, column: float, row: float) -> int:
     return (int(floor) * SQUARES + int(column)) * SQUARES + int(row)
 
 
-@kernel(_INTS(_INTS, _TRACKS, _MATRIX))
+@kernel(INTS(INTS, CUBES, MATRIX))
 def squares(newest: Ints, tracks: Floats, floor: Floats) -> Ints:
     """(rows,) the squares of the newest reports."""
     found = np.empty(len(newest), np.int64)

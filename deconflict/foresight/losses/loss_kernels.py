@@ -11,7 +11,6 @@ is still because of it. Where nobody is in its way, it may stand for a robot tha
 from math import hypot, inf
 from typing import Any
 
-import numba
 import numpy as np
 
 from deconflict.foresight.losses.blockers import FARTHEST_M, LosingRobot, find_blocker, way_ahead
@@ -37,7 +36,7 @@ from deconflict.foresight.losses.usual_times import USUAL, UsualTimes, learn_pas
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Floats, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import copy_rows, inner, kernel
+from ingest.kernels import CUBES, INTS, READ_FLOATS, copy_rows, inner, kernel
 
 REFERENCES = 5
 """Forecasts from before a robot began to lose time that are kept until it drives as planned."""
@@ -62,7 +61,6 @@ LEAVES_M = 1.0
 """A robot that waits is on its way if its last plan led further than this."""
 
 _turn_between = inner(turn_between)
-_READ_ONLY = numba.types.Array(numba.float64, 1, "C", readonly=True)
 
 
 @inner
@@ -271,19 +269,7 @@ def _over_usual_s(
     return 0.0
 
 
-@kernel(
-    LOST_TYPE(
-        LOSING_TYPE,
-        numba.float64[:, :, :, ::1],
-        KNOWN,
-        numba.int64[::1],
-        _READ_ONLY,
-        numba.int64[::1],
-        numba.int64[::1],
-        USUAL,
-        numba.int64[::1],
-    )
-)
+@kernel(LOST_TYPE(LOSING_TYPE, CUBES, KNOWN, INTS, READ_FLOATS, INTS, INTS, USUAL, INTS))
 def lost_times(
     states: Losing,
     references: Floats,

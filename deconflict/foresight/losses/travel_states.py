@@ -11,7 +11,7 @@ from deconflict.foresight.interactions.recent_reports import EXPLAINS_STANDING
 from deconflict.foresight.losses.losing import GOES, HALTS, NO_WAY, ORDER, PATH, RESTS, VELOCITY, WAITS
 from deconflict.foresight.motion_assumptions import MOVES_MPS
 from ingest.batch import Basis, Batch, Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOAT, INTS, inner, kernel
 
 _PLAN_OF = {Basis.VELOCITY: VELOCITY, Basis.ORDER: ORDER, Basis.PATH: PATH}
 PLANS = np.array([_PLAN_OF.get(basis, NO_WAY) for basis in Basis])
@@ -51,7 +51,7 @@ def _leads_nowhere(track: Floats) -> bool:
     return end_m < MOVES_MPS or bool((track[:, 3] != track[0, 3]).any())
 
 
-@kernel(numba.void(*[numba.int64[::1]] * 2, *[numba.boolean[::1]] * 4, numba.types.Array(numba.float64, 3, "A")))
+@kernel(numba.void(*[INTS] * 2, *[BOOLS] * 4, numba.types.Array(FLOAT, 3, "A")))
 def _correct(
     goes: Ints,
     plans: Ints,

@@ -7,11 +7,10 @@ The memory is bounded: a table of fixed size. If it is full, a rarely driven cel
 from math import atan2, ceil, floor, hypot, nan, pi
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner
+from ingest.kernels import FLOATS, INTS, inner, named_type
 
 CELL_M, STEP_M = 2.0, 1.0
 """Size of a cell, and longest step of a way that counts to one cell."""
@@ -41,9 +40,7 @@ class UsualTimes(NamedTuple):
     """How long they took for it."""
 
 
-USUAL = numba.types.NamedTuple(  # type: ignore[no-untyped-call]
-    (numba.int64[::1], numba.float64[::1], numba.float64[::1]), UsualTimes
-)
+USUAL = named_type(UsualTimes, INTS, FLOATS, FLOATS)
 """The type of `UsualTimes` in kernels."""
 
 
@@ -101,9 +98,8 @@ def learn_pass(usual: UsualTimes, kind: int, floor_index: float, begin: Floats, 
     steps = max(ceil(way_m / STEP_M), 1)
     for step in range(steps):
         share = (step + 0.5) / steps
-        entry = _entry_for(
-            usual, _key(kind, floor_index, begin[0] + share * way_x, begin[1] + share * way_y, direction_rad)
-        )
+        key = _key(kind, floor_index, begin[0] + share * way_x, begin[1] + share * way_y, direction_rad)
+        entry = _entry_for(usual, key)
         if usual.way_m[entry] > MOST_M:
             usual.way_m[entry], usual.took_s[entry] = usual.way_m[entry] / 2, usual.took_s[entry] / 2
         usual.way_m[entry] += way_m / steps
@@ -120,9 +116,8 @@ def usual_s(usual: UsualTimes, kind: int, floor_index: float, begin: Floats, end
     steps, sum_s = max(ceil(way_m / STEP_M), 1), 0.0
     for step in range(steps):
         share = (step + 0.5) / steps
-        entry = _found(
-            usual, _key(kind, floor_index, begin[0] + share * way_x, begin[1] + share * way_y, direction_rad)
-        )
+        key = _key(kind, floor_index, begin[0] + share * way_x, begin[1] + share * way_y, direction_rad)
+        entry = _found(usual, key)
         if entry < 0 or usual.way_m[entry] < LEAST_M:
             return nan
         sum_s += way_m / steps * usual.took_s[entry] / usual.way_m[entry]

@@ -4,24 +4,22 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, inf
 
-import numba
 import numpy as np
 
 from deconflict.sweep.geometry.heights import heights_overlap
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict_client.participant_kinds import ParticipantKind
 from ingest.batch import Basis, Batch, Bools, Floats, Forecasts, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, INTS, MATRIX, inner, kernel
 from ingest.shapes import shapes_of
 
 LOOSE, LOOSE_SHARE = 32, 8
 """So many robots that were set aside wait until they are moved to one batch, and one more for each of these moved."""
 _BASES = tuple(Basis)
-_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
 _heights_overlap = inner(heights_overlap)
 
 
-@kernel(numba.types.Tuple((_INTS, _FLOATS))(numba.float64[:, ::1], _INTS, numba.float64))  # type: ignore[no-untyped-call]
+@kernel((MATRIX, INTS, FLOAT))
 def _near(at: Floats, members: Ints, within_m: float) -> tuple[Ints, Floats]:
     """The slots of the robots within a distance of one of `members`, at the floor and height of one of them; and the
     distance to the nearest.

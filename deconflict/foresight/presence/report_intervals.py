@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Floats, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import INT_MATRIX, INTS, MATRIX, READ_FLOATS, READ_INTS, kernel, ready
 
 GAPS = 7
 """So many of the last times between reports are kept of each robot."""
@@ -51,8 +51,7 @@ Heard = NDArray[Any]
 _NOBODY = np.zeros((), HEARD)
 _NOBODY["due_s"] = np.inf
 _HEARD = numba.from_dtype(HEARD)[::1]
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-_BOTH, _BOTH_INTS = numba.float64[:, ::1], numba.int64[:, ::1]
+_BOTH, _BOTH_INTS = MATRIX, INT_MATRIX
 
 
 class Legs(NamedTuple):
@@ -82,11 +81,7 @@ class Legs(NamedTuple):
                 yield int(self.rows[leg])
 
 
-@kernel(
-    numba.types.Tuple((numba.int64[::1], _HEARD, *[numba.float64[::1]] * 2, *[_BOTH] * 3, _BOTH_INTS))(  # type: ignore[no-untyped-call]
-        _HEARD, *[numba.int64[::1]], *[_FLOATS] * 3, *[_INTS] * 2, *[_FLOATS] * 3, _INTS
-    )
-)
+@kernel((_HEARD, *[INTS], *[READ_FLOATS] * 3, *[READ_INTS] * 2, *[READ_FLOATS] * 3, READ_INTS))
 def _add_reports(
     heard: Heard,
     slots: Ints,

@@ -9,7 +9,6 @@ robot (`deconflict/adviser/`), says nothing of its other pairs.
 
 from collections.abc import Iterable, Mapping
 
-import numba
 import numpy as np
 
 from deconflict.foresight.keyed_tables import KeyedTable
@@ -19,9 +18,8 @@ from deconflict.sweep.geometry.envelope_distances import gap
 from deconflict.sweep.robot_slots import lengthen
 from deconflict_client.advisory import AnyAdvisory
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import FLOAT, FLOATS, MATRIX, kernel
 
-_FLOATS = numba.float64[::1]
 NOBODY: Ints = np.empty(0, np.int64)
 ONE_WAIT_S = 15.0
 """Times at which a robot was seen to wait belong to one wait if they are less apart."""
@@ -46,7 +44,7 @@ def waits_until_s(revisions: Iterable[AnyAdvisory]) -> dict[str, float]:
     return until_s
 
 
-@kernel(_FLOATS(numba.float64[:, ::1], *[_FLOATS] * 2, *[numba.float64] * 2))
+@kernel(FLOATS(MATRIX, *[FLOATS] * 2, *[FLOAT] * 2))
 def _own_until_s(newest: Floats, since_s: Floats, last_s: Floats, asked_s: float, horizon_s: float) -> Floats:
     until_s = newest[:, 0].copy()
     for slot in range(len(until_s)):

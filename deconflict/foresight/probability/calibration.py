@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, CensoredOutcomes, counts, weights
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, slots_of
 from deconflict.runtime.learned_state import Column, UnreadableError, count_column
 from ingest.batch import Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import CUBE, INTS, MATRIX, kernel
 
 
 class Prior(NamedTuple):
@@ -60,12 +59,7 @@ def log_odds(share: Floats) -> Floats:
     return np.log((share + CERTAIN) / (1 + CERTAIN - share))
 
 
-_FLOATS, _MATRIX, _CUBE = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
-
-
-@kernel(
-    numba.types.Tuple((_FLOATS, _FLOATS))(_MATRIX, numba.int64[::1], _MATRIX, _CUBE)  # type: ignore[no-untyped-call]
-)
+@kernel((MATRIX, INTS, MATRIX, CUBE))
 def _scored(features: Floats, model: Ints, coefficients: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """(n,) scores of pairs with these features (n, features), and their variances. `model` (n,) is the row of each pair
     in `coefficients` (models, features) and in `covariance` (models, features, features)."""

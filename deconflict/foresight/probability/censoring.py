@@ -10,17 +10,15 @@ every outcome counts 1.
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import ANY_FLOATS, FLOATS, INT, kernel
 
 PARTS = 10
 """Equal parts of the horizon."""
 STAYED = PARTS
 """Stands for the part if both robots were present to the end of the horizon and did not meet."""
-_FLOATS, _ANY = numba.float64[::1], numba.types.Array(numba.float64, 1, "A", readonly=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +50,7 @@ def counts(part: Ints, left: Bools) -> Ints:
     return np.bincount(part + left * (PARTS + 1), minlength=2 * (PARTS + 1)).reshape(2, -1)
 
 
-@kernel(_FLOATS(*[_ANY] * 2, numba.int64))
+@kernel(FLOATS(*[ANY_FLOATS] * 2, INT))
 def _weights(known: Floats, left: Floats, parts: int) -> Floats:
     stays, weight, at_risk = np.empty(parts), np.ones(parts + 1), known[parts] + left[parts]
     for part in range(parts - 1, -1, -1):

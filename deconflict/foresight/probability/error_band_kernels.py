@@ -21,7 +21,7 @@ from deconflict.foresight.forecast_errors.track_kernels import (
 from deconflict.foresight.probability.pair_table import PAIR, Pairs
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import ANY_FLOATS, BOOL_MATRIX, CUBE, FLOAT, FLOATS, INTS, MATRIX, inner, kernel
 
 EIGHTY = 1.28
 """80 % of a normal distribution is within this many standard deviations."""
@@ -47,9 +47,7 @@ class Bounds(NamedTuple):
 
 
 _PAIRS, _ROBOTS, _ERRORS = (numba.from_dtype(dtype)[::1] for dtype in (PAIR, ROBOT, ERROR))
-_INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
-_BOUNDS = numba.types.NamedUniTuple(numba.float64, 3, Bounds)  # type: ignore[no-untyped-call]
-_LOOKS = numba.types.Array(numba.float64, 1, "A", readonly=True)
+_BOUNDS = numba.types.NamedUniTuple(FLOAT, 3, Bounds)  # type: ignore[no-untyped-call]
 
 
 @inner
@@ -79,7 +77,7 @@ def update_surprise(robots: Robots, errors: Errors) -> None:
             robots[error.robot].surprise = surprise[at]
 
 
-@kernel(_FLOATS(_CUBE, _INTS, _ROBOTS, _MATRIX, *[numba.float64] * 3))
+@kernel(FLOATS(CUBE, INTS, _ROBOTS, MATRIX, *[FLOAT] * 3))
 def reach_m(
     bands_m: Floats,
     slots: Ints,
@@ -127,7 +125,7 @@ def _sds(bands_m: Floats, a: Any, b: Any, a_s: float, b_s: float, within_m: floa
     return float(within_m / (np.sqrt(square) + EXACT_M))
 
 
-@kernel(_MATRIX(*[_INTS] * 2, _MATRIX, numba.boolean[:, ::1], _CUBE, _ROBOTS, _LOOKS, *[numba.float64] * 2))
+@kernel(MATRIX(*[INTS] * 2, MATRIX, BOOL_MATRIX, CUBE, _ROBOTS, ANY_FLOATS, *[FLOAT] * 2))
 def most_sds(
     a: Ints,
     b: Ints,
@@ -154,11 +152,7 @@ def most_sds(
     return most
 
 
-@kernel(
-    _MATRIX(
-        _PAIRS, *[_INTS] * 4, *[_FLOATS] * 3, POSES, _MATRIX, _CUBE, _ROBOTS, _MATRIX, _LOOKS, numba.float64, _BOUNDS
-    )
-)
+@kernel(MATRIX(_PAIRS, *[INTS] * 4, *[FLOATS] * 3, POSES, MATRIX, CUBE, _ROBOTS, MATRIX, ANY_FLOATS, FLOAT, _BOUNDS))
 def measure_overlaps(
     pairs: Pairs,
     rows: Ints,
@@ -231,7 +225,7 @@ def measure_overlaps(
     return most
 
 
-@kernel(_MATRIX(_MATRIX))
+@kernel(MATRIX(MATRIX))
 def normal_shares(sds: Floats) -> Floats:
     """(k, n) the shares of a normal distribution that are below so many standard deviations (k, n)."""
     shares = np.empty_like(sds)

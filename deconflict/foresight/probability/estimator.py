@@ -13,11 +13,15 @@ import numpy as np
 
 from deconflict.foresight.conflict_predictions import Predictions
 from deconflict.foresight.forecast_errors.degradation import DegradationDetector
-from deconflict.foresight.forecast_errors.doubted_robots import DoubtedRobots
 from deconflict.foresight.forecast_errors.error_ledger import Ledger
 from deconflict.foresight.forecast_errors.error_measures import measure
 from deconflict.foresight.forecast_errors.pending_forecasts import PendingForecasts, ReportedTracks
-from deconflict.foresight.forecast_errors.self_contradiction import blank_records, compare_with_stated_ways, straight_on
+from deconflict.foresight.forecast_errors.self_contradiction import (
+    DoubtedRobots,
+    blank_records,
+    compare_with_stated_ways,
+    straight_on,
+)
 from deconflict.foresight.forecast_errors.track_kernels import Errors, speed_mps
 from deconflict.foresight.interactions.interaction_finder import Interaction, InteractionOutcome
 from deconflict.foresight.interactions.progress_kernels import AHEAD_S as GIVES_WAY_AHEAD_S

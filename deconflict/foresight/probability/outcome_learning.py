@@ -16,11 +16,11 @@ from deconflict.foresight.probability.calibration import CONTACT, Calibration, c
 from deconflict.foresight.probability.censoring import CensoredOutcomes, outcomes_of
 from deconflict.foresight.probability.pair_table import PAIR, Pairs, has_robot_of
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import kernel
+from ingest.kernels import FLOAT, FLOATS, INT, kernel
 from ingest.measures.measures import Measures
 
-_PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]
-_CODES = numba.types.Array(numba.int64, 1, "A", readonly=True)
+_PAIRS = numba.from_dtype(PAIR)[::1]
+_CODES = numba.types.Array(INT, 1, "A", readonly=True)
 
 OwnUntil = Callable[[Ints, float], Floats]
 """Takes pairs `code` (p,), ascending, and the time of their question. Returns until when both robots of each were heard
@@ -52,11 +52,7 @@ class AnsweredQuestion(NamedTuple):
     """Whether they came within the clearance."""
 
 
-@kernel(
-    numba.types.Tuple((_INTS, *[numba.float64[::1], _BOOLS] * 2))(  # type: ignore[no-untyped-call]
-        _PAIRS, _CODES, numba.float64[::1], *[numba.float64] * 2
-    )
-)
+@kernel((_PAIRS, _CODES, FLOATS, *[FLOAT] * 2))
 def _ended(
     pairs: Pairs, asked: Ints, until_s: Floats, asked_s: float, horizon_s: float
 ) -> tuple[Ints, Floats, Bools, Floats, Bools]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deconflict.foresight.rollout.rollout import ROLLED
 from ingest.batch import Bools, Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, FLOAT, INTS, MATRIX, inner, kernel
 
 SLOT_BITS = 24
 SLOTS = (1 << SLOT_BITS) - 1
@@ -93,7 +93,7 @@ def row_of(pairs: Pairs, code: int) -> int | None:
     return row if row < len(pairs) and pairs["code"][row] == code else None
 
 
-_PAIRS, _INTS, _BOOLS = numba.from_dtype(PAIR)[::1], numba.int64[::1], numba.boolean[::1]
+_PAIRS = numba.from_dtype(PAIR)[::1]
 
 
 def codes(a: Ints, b: Ints) -> Ints:
@@ -122,11 +122,7 @@ def _has_history(pair: Any) -> bool:
     return bool(met or gave_way or pair.yielded_s > -np.inf or pair.uncertain_s > -np.inf)
 
 
-@kernel(
-    numba.types.UniTuple(numba.int64, 2)(  # type: ignore[no-untyped-call]
-        _PAIRS, *[_INTS] * 2, *[_BOOLS] * 2, *[numba.float64] * 3, _PAIRS, _BOOLS, *[_INTS] * 2
-    )
-)
+@kernel((_PAIRS, *[INTS] * 2, *[BOOLS] * 2, *[FLOAT] * 3, _PAIRS, BOOLS, *[INTS] * 2))
 def _select_pairs(
     before: Pairs,
     candidates: Ints,
@@ -204,7 +200,7 @@ def select_pairs(before: Pairs, candidates: Ints, has_news: Bools, is_dormant: B
     return SelectedPairs(pairs[:n], fresh[:n], rows, due[:n_due])
 
 
-@kernel(_INTS(_PAIRS, numba.float64[:, ::1], numba.float64))
+@kernel(INTS(_PAIRS, MATRIX, FLOAT))
 def open_rows(pairs: Pairs, newest: Floats, since_s: float) -> Ints:
     """The rows of the watched pairs that are in no encounter, of which neither robot gives way to the other, and of
     which both robots have reported after `since_s`. `newest` (slots, 5) are the newest reports."""
@@ -217,9 +213,7 @@ def open_rows(pairs: Pairs, newest: Floats, since_s: float) -> Ints:
     return rows[:n].copy()
 
 
-@kernel(
-    numba.types.Tuple((_INTS, _INTS))(_PAIRS, _INTS, numba.float64)  # type: ignore[no-untyped-call]
-)
+@kernel((_PAIRS, INTS, FLOAT))
 def rows_to_report(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints]:
     """The rows `first`, then those of the other watched pairs whose `deciding` is at least `likely`; and the codes of
     these other pairs."""
@@ -234,7 +228,7 @@ def rows_to_report(pairs: Pairs, first: Ints, likely: float) -> tuple[Ints, Ints
     return rows[:n].copy(), code[: n - len(first)].copy()
 
 
-@kernel(numba.void(_PAIRS, *[_BOOLS] * 2, _INTS, _BOOLS, *[numba.float64] * 3))
+@kernel(numba.void(_PAIRS, *[BOOLS] * 2, INTS, BOOLS, *[FLOAT] * 3))
 def set_preemption(
     pairs: Pairs,
     stands: Bools,

@@ -18,7 +18,7 @@ from deconflict.foresight.motion_assumptions import BRAKES_MPS2, LOST_S, MOVES_M
 from deconflict.sweep.geometry.heights import heights_overlap
 from ingest.batch import Bools, Floats, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel
+from ingest.kernels import BOOLS, CUBE, FLOAT, FLOATS, INT, INT_MATRIX, INTS, MATRIX, inner, kernel
 
 STEP_S = 0.5
 MARGIN_M, BESIDE_M = 0.45, 0.05
@@ -87,8 +87,7 @@ BODY = np.dtype(
 """A robot that is driven on."""
 
 _EDGES = numba.from_dtype(EDGE)[::1]
-_PAIRS = numba.int64[:, ::1]
-_INTS, _FLOATS, _MATRIX, _CUBE = numba.int64[::1], numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
+_PAIRS = INT_MATRIX
 
 
 _turn_between = inner(turn_between)
@@ -250,7 +249,7 @@ def _mark_close(marked: Bools, bodies: Any, edges: Edges, half_m: Floats, grown_
             _mark(marked, edges, at)
 
 
-@kernel(numba.types.Tuple((_MATRIX, _FLOATS))(_FLOATS, _CUBE, _MATRIX, *[numba.float64] * 2))  # type: ignore[no-untyped-call]
+@kernel((FLOATS, CUBE, MATRIX, *[FLOAT] * 2))
 def reaches(
     since_s: Floats, track: Floats, half_m: Floats, horizon_s: float, clearance_m: float
 ) -> tuple[Floats, Floats]:
@@ -275,7 +274,7 @@ def reaches(
     return box, reach
 
 
-@kernel(_PAIRS(_MATRIX, _INTS, _MATRIX, _FLOATS))
+@kernel(_PAIRS(MATRIX, INTS, MATRIX, FLOATS))
 def pairs_beside(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> Ints:
     """(p, 2) the pairs that may get in each other's way, the lower row first: those whose boxes (n, 4) and heights
     `levels_m` (2, n), bottom and top, overlap on one `floor` (n,). `order` (n,) is that of the lowest x."""
@@ -297,7 +296,7 @@ def pairs_beside(box: Floats, order: Ints, levels_m: Floats, floor: Floats) -> I
     return pairs[:found].copy()
 
 
-@kernel(numba.types.Tuple((_EDGES, _INTS))(_PAIRS, numba.int64))  # type: ignore[no-untyped-call]
+@kernel((_PAIRS, INT))
 def edges_of(pairs: Ints, robots: int) -> tuple[Edges, Ints]:
     """The edges of `pairs` (p, 2) of `robots` robots, robot by robot; and (robots + 1,) where those of each robot
     begin."""
@@ -315,7 +314,7 @@ def edges_of(pairs: Ints, robots: int) -> tuple[Edges, Ints]:
     return edges, first
 
 
-@kernel(_INTS(_EDGES, _INTS, *[_FLOATS] * 2, _CUBE, _MATRIX, numba.boolean[::1], *[_MATRIX] * 2, *[numba.float64] * 2))
+@kernel(INTS(_EDGES, INTS, *[FLOATS] * 2, CUBE, MATRIX, BOOLS, *[MATRIX] * 2, *[FLOAT] * 2))
 def drive(
     edges: Edges,
     first: Ints,

@@ -1,10 +1,11 @@
 """The operators' HTTP application (ASGI): its routes, and what they share.
 
-It reads the store itself, and asks its `Sources` for everything else at each request.
+It reads the store itself, and asks its `Sources` for everything else at each request. To the OpenAPI
+description it adds what FastAPI does not know: credentials, groups of routes, and their refusals.
 """
 
 import json
-from functools import cache
+from functools import cache, partial
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -15,10 +16,10 @@ from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 
 from deconflict.operator.http.access import AccessMiddleware, People
-from deconflict.operator.http.api_groups import described
 from deconflict.operator.http.api_routes import AdviceRoutes, ApiRoutes, failed, source_unavailable, store_failed
 from deconflict.operator.http.api_sources import Exposition, Sources, SourceUnavailableError
 from deconflict.operator.http.filter_names import NamesInFilters
+from deconflict.operator.http.off_floor_routes import add_off_floor_routes
 from deconflict.operator.http.page_routes import add_page_routes
 from deconflict.operator.http.request_limits import (
     RequestLimitsMiddleware,
@@ -29,7 +30,6 @@ from deconflict.operator.http.request_limits import (
 from deconflict.operator.http.server.server_protocols import Places
 from deconflict.operator.ledger.loss_routes import add_loss_routes
 from deconflict.operator.live.advisory_stream import AdvisoryStream
-from deconflict.operator.off_floor_routes import add_off_floor_routes
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
@@ -43,6 +43,7 @@ from deconflict_client.answers.api_models import (
     Owned,
     Problem,
     QuarantineList,
+    RefusedRequest,
     Reloaded,
     RevisionList,
     SituationList,
@@ -55,6 +56,55 @@ from deconflict_client.answers.vendor_models import VendorList
 from deconflict_client.situations import AnyRevision, Situation
 from ingest.measures.measures import Measures
 
+GROUPS = {
+    "situations": ("What people should look at", ("situations", "shift")),
+    "advisories": ("What programs follow", ("advisories", "advice", "heat")),
+    "floor": (
+        "Robots and vendors, as they report, and the time that they lose",
+        ("losses", "suggestions", "robots", "vendors", "quarantine", "presence"),
+    ),
+    "map": ("What a map shows", ("site", "plans", "recorded", "past")),
+    "operation": ("State of the service", ("healthz", "metrics", "blackboxes", "schema")),
+}
+"""By tag, its description and the first parts of its paths."""
+REFUSALS = {
+    "401": "No credentials, or wrong ones, where the site file names people",
+    "403": "Their role may not do this",
+}
+OPEN_TO_ALL = ("/healthz",)
+REFUSED = RefusedRequest.__name__
+VALIDATION_MODELS = ("HTTPValidationError", "ValidationError")
+"""FastAPI's own, which are never sent."""
+
+
+def described(document: dict[str, Any]) -> dict[str, Any]:
+    """The description with tags, security schemes and refusals."""
+    tag_of = {part: tag for tag, (_, parts) in GROUPS.items() for part in parts}
+    for path, item in document["paths"].items():
+        for operation in item.values():
+            operation["tags"] = [tag_of[path.split("/")[1]]]
+            if path not in OPEN_TO_ALL:
+                operation["responses"] |= {code: {"description": text} for code, text in REFUSALS.items()}
+                operation["security"] = [{"token": []}, {}]
+            for code, answer in operation["responses"].items():
+                if code >= "400" and _has_no_form(answer):
+                    answer["content"] = {"application/json": {"schema": {"$ref": f"#/components/schemas/{REFUSED}"}}}
+    schemas = document["components"]["schemas"]
+    for name in VALIDATION_MODELS:
+        schemas.pop(name, None)
+    schemas[REFUSED] = RefusedRequest.model_json_schema()
+    document["tags"] = [{"name": tag, "description": text} for tag, (text, _) in GROUPS.items()]
+    schemes = {"token": {"type": "http", "scheme": "bearer", "description": "token of a person of the site file"}}
+    document["components"]["securitySchemes"] = schemes
+    return document
+
+
+def _has_no_form(answer: dict[str, Any]) -> bool:
+    """Whether the description does not say what a refusal consists of, or says what FastAPI would send."""
+    schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+    return schema.get("$ref", "").rpartition("/")[2] in ("", *VALIDATION_MODELS)
+
+
 DESCRIPTION = """Predicted conflicts and contention of the robots of many vendors on shared floors.
 **Advisory, not safety rated**: nothing here stops a robot or replaces a safety function.
 
@@ -65,8 +115,9 @@ with a higher number, with `?kinds=situation,advisory` it sends situations, too.
 
 Advice asks one robot for what saves all of them time. It comes over the same stream with `?kinds=advice`."""
 
-UNAVAILABLE: dict[int | str, Document] = {503: {"model": Problem, "description": "A role does not answer"}}
-MISSING: dict[int | str, Document] = {404: {"description": "There is none"}}
+Responses = dict[int | str, Document]
+UNAVAILABLE: Responses = {503: {"model": Problem, "description": "A role does not answer"}}
+MISSING: Responses = {404: {"description": "There is none"}}
 
 
 def create_app(publisher: Publisher, store: Store, sources: Sources, exposition: Exposition, site: Site) -> FastAPI:
@@ -111,33 +162,21 @@ def create_app(publisher: Publisher, store: Store, sources: Sources, exposition:
 
 
 def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
-    over: dict[int | str, Document] = {409: {"description": "It is cleared, or the site file says otherwise"}}
-    degraded: dict[int | str, Document] = {
-        503: {"model": ServiceHealth, "description": "A role or the store does not answer"}
-    }
-    text: dict[int | str, Document] = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
-    zstd: dict[int | str, Document] = {200: {"content": {"application/zstd": {}}}}
+    over: Responses = {409: {"description": "It is cleared, or the site file says otherwise"}}
+    degraded: Responses = {503: {"model": ServiceHealth, "description": "A role or the store does not answer"}}
+    text: Responses = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+    zstd: Responses = {200: {"content": {"application/zstd": {}}}}
 
-    get = app.get
+    get, answer = app.get, partial(app.post, status_code=201, responses=UNAVAILABLE | MISSING | over)
     get("/advisories", response_model=AdvisoryList, responses=UNAVAILABLE)(routes.advisories)
     get("/advisories/{advisory_id}", response_model=RevisionList, responses=UNAVAILABLE | MISSING)(routes.advisory)
-    app.post(
-        "/advisories/{advisory_id}/acknowledgement",
-        response_model=AnyRevision,
-        status_code=201,
-        responses=UNAVAILABLE | MISSING | over,
-    )(routes.acknowledge)
+    answer("/advisories/{advisory_id}/acknowledgement", response_model=AnyRevision)(routes.acknowledge)
     get("/situations", response_model=SituationList, responses=UNAVAILABLE)(routes.situations)
     get("/situations/{situation_id}", response_model=SituationRevisions, responses=UNAVAILABLE | MISSING)(
         routes.situation
     )
-    app.post(
-        "/situations/{situation_id}/acknowledgement",
-        response_model=Situation,
-        status_code=201,
-        responses=UNAVAILABLE | MISSING | over,
-    )(routes.acknowledge_situation)
-    refused: dict[int | str, Document] = {422: {"model": Reloaded, "description": "The file can't be used"}}
+    answer("/situations/{situation_id}/acknowledgement", response_model=Situation)(routes.acknowledge_situation)
+    refused: Responses = {422: {"model": Reloaded, "description": "The file can't be used"}}
     app.post("/site/reload", response_model=Reloaded, responses=UNAVAILABLE | refused)(routes.reload)
     get("/robots", response_model=RobotList, responses=UNAVAILABLE)(routes.robots)
     get("/robots/{uuid}", response_model=HeardRobot, responses=UNAVAILABLE | MISSING)(routes.robot)
@@ -153,7 +192,7 @@ def _add_routes(app: FastAPI, routes: ApiRoutes) -> None:
 
 
 def _add_advice_routes(app: FastAPI, routes: AdviceRoutes) -> None:
-    over: dict[int | str, Document] = {409: {"description": "It has ended"}}
+    over: Responses = {409: {"description": "It has ended"}}
     app.get("/advice", response_model=AdviceList, responses=UNAVAILABLE)(routes.advice)
     app.get("/advice/{advice_id}", response_model=AdviceRevisions, responses=UNAVAILABLE | MISSING)(
         routes.advice_revisions

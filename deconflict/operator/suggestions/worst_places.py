@@ -1,22 +1,25 @@
 """The places where robots lose the most time, each with its cause and what is known to help.
 
 Pure: the sums and the places of the site in; at most five places out. A place is one that the site file names; a queue
-belongs to the resource near which it stands, and what is lost elsewhere to a square of the floor.
+belongs to the resource near which it stands, and what is lost elsewhere to a square of the floor. The cause follows
+from the kinds of its losses, what it is, and which way each vendor drives there. What robots lose in a queue, or behind
+others, follows from what the first of them loses, and tells nothing.
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PairLoss, PlaceKey
-from deconflict.operator.suggestions.loss_causes import CHANGES, SENTENCES, cause_of, turned_vendors
+from deconflict.operator.suggestions.evidence import CellLoss, LossEvidence, PairLoss, Passes, PlaceKey
 from deconflict.operator.suggestions.place_rules import (
     CROSSINGS,
     DOCK_SAVES,
     LEAST_LOSSES,
+    MEETINGS,
     ONE_WAY_SAVES,
     PRIORITY_SAVES,
     QUEUES,
+    QUEUES_OF_NEAR,
     is_enough,
     is_steady,
     nearest_served,
@@ -26,7 +29,70 @@ from deconflict.operator.suggestions.place_rules import (
 )
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
 from deconflict.operator.suggestions.suggestion import expected_s, minutes, whatif_command
-from deconflict_client.answers.suggestion_models import ChangeKind, SuggestionEvidence, TriedChange, WorstPlace
+from deconflict_client.answers.suggestion_models import (
+    ChangeKind,
+    LossCause,
+    SuggestionEvidence,
+    TriedChange,
+    WorstPlace,
+)
+
+FOLLOW = ("queue", "following")
+MOST = 0.5
+"""Of what tells something: a cause has so much of it."""
+ONE_DIRECTION = 0.9
+"""A vendor whose robots drive so many of their passes in one direction has a one-way there."""
+LEAST_PASSES = 3
+CHANGES: dict[LossCause, tuple[ChangeKind, ...]] = {
+    "narrow_lane": ("one_way", "widen", "order"),
+    "opposed_one_way": ("one_way",),
+    "few_resources": ("dock",),
+    "unordered_crossing": ("order", "priority"),
+    "standing_robot": (),
+    "mixed": (),
+}
+"""What may help against each cause; what usually helps most first."""
+SENTENCES: dict[LossCause, str] = {
+    "narrow_lane": "robots that come from both ends meet where there is no room to pass",
+    "opposed_one_way": "each vendor drives one way only, but {turned} the other way than the rest",
+    "few_resources": "robots queue for it: there are fewer of it than are needed",
+    "unordered_crossing": "robots cross without an order, and stand for each other",
+    "standing_robot": "robots that stand for nobody block the way",
+    "mixed": "robots are in each other's way for several reasons, none of which stands out",
+}
+
+
+def cause_of(
+    kinds: Mapping[str, float], passes: Mapping[str, Passes], *, is_aisle: bool, is_served: bool, is_crossing: bool
+) -> LossCause:
+    """The cause of what is lost at a place, by kind of loss."""
+    if is_served and _share(kinds, kinds, QUEUES) >= QUEUES_OF_NEAR:
+        return "few_resources"
+    telling = [kind for kind in kinds if kind not in FOLLOW]
+    if _share(kinds, telling, (*MEETINGS, *(CROSSINGS if is_crossing else ()))) >= MOST and is_crossing:
+        return "unordered_crossing"
+    if _share(kinds, telling, MEETINGS) >= MOST and is_aisle:
+        return "opposed_one_way" if turned_vendors(passes) else "narrow_lane"
+    if _share(kinds, telling, ("head_on",)) >= MOST:
+        return "narrow_lane"
+    if _share(kinds, telling, (*CROSSINGS, "deadlock")) >= MOST:
+        return "unordered_crossing"
+    return "standing_robot" if _share(kinds, telling, ("blockage",)) >= MOST else "mixed"
+
+
+def turned_vendors(passes: Mapping[str, Passes]) -> list[str]:
+    """The vendors whose robots drive an aisle the other way than most, if each vendor drives one way only."""
+    known = {vendor: found for vendor, found in passes.items() if sum(found) >= LEAST_PASSES}
+    if not known or any(max(found) < ONE_DIRECTION * sum(found) for found in known.values()):
+        return []
+    along = sum(found.along for found in known.values())
+    is_along = 2 * along >= sum(map(sum, known.values()))
+    return sorted(vendor for vendor, found in known.items() if (found.along > found.against) != is_along)
+
+
+def _share(kinds: Mapping[str, float], of: "Mapping[str, float] | list[str]", chosen: tuple[str, ...]) -> float:
+    return sum(kinds[kind] for kind in of if kind in chosen) / max(sum(kinds[kind] for kind in of), 1e-9)
+
 
 MOST_PLACES = 5
 SQUARE_M = 10.0

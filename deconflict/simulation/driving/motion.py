@@ -1,7 +1,8 @@
 """Robots and people that drive along their paths, stop for each other, and resolve mutual waits.
 
 A robot drives its own path and knows only the plans of its own fleet. For others it has a protective stop. If it has
-stood for another for long, it passes it or backs off along its path. Where they go, and how long they stay there, says
+stood for another for long, it passes it or backs off along its path. From outside, as by a site service, it is told to
+wait, or to drive slowly for a while. Where they go, and how long they stay there, says
 a subclass. Time advances only by `MovingRobots.step`. All randomness comes from the given generator.
 """
 
@@ -13,10 +14,8 @@ from enum import IntEnum
 import numpy as np
 
 from deconflict.simulation.driving.braking import MOVING_MPS, Braking
-from deconflict.simulation.driving.crossing_entry import CrossingEntry
-from deconflict.simulation.driving.crossings import CrossingPassage, Crossings
+from deconflict.simulation.driving.crossings import CrossingEntry, CrossingPassage, Crossings
 from deconflict.simulation.driving.drive_table import DriveTable
-from deconflict.simulation.driving.instructions import Instructions
 from deconflict.simulation.driving.mutual_waits import PATIENCE_S, MutualWaits
 from deconflict.simulation.driving.passing import HALF_AISLE_M, WALKING_MPS, Passings
 from deconflict.simulation.driving.protection import Traffic, centres, may_sidestep
@@ -25,6 +24,37 @@ from deconflict.simulation.floor_layout import Place
 from deconflict.simulation.participants import BodySize, Chassis
 from deconflict_client.verbs import Side
 from ingest.batch import Bools, Floats, Ints
+
+
+class Instructions:
+    """The instructions that n robots follow. Times are the world's."""
+
+    def __init__(self, robots: int) -> None:
+        self._top_mps = np.full(robots, np.inf)
+        self._until_s = np.zeros(robots)
+
+    def wait(self, robot: int, seconds: float, now_s: float) -> None:
+        """Let a robot stand, after what it was told before."""
+        starts_s = max(self._until_s[robot], now_s) if self._top_mps[robot] == 0.0 else now_s
+        self._top_mps[robot], self._until_s[robot] = 0.0, starts_s + seconds
+
+    def slow_down(self, robot: int, top_mps: float, seconds: float, now_s: float) -> None:
+        """Let a robot drive at most at this speed, instead of what it was told before."""
+        self._top_mps[robot], self._until_s[robot] = top_mps, now_s + seconds
+
+    def top_mps(self, now_s: float) -> Floats:
+        """(n,) present speed limit of each robot; inf if there is none."""
+        return np.where(self._until_s > now_s, self._top_mps, np.inf)
+
+    def top_of_mps(self, robot: int, now_s: float) -> tuple[float, float]:
+        """`top_mps` of one robot, and for how long that is."""
+        left_s = float(self._until_s[robot] - now_s)
+        return (float(self._top_mps[robot]), left_s) if left_s > 0 else (np.inf, 0.0)
+
+    def waits(self, robot: int, now_s: float) -> bool:
+        """Whether a robot has been told to stand now."""
+        return self.top_of_mps(robot, now_s)[0] == 0.0
+
 
 ARRIVED_M = 0.03
 BACKING_MPS = 0.35

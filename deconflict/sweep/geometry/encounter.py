@@ -14,7 +14,7 @@ from deconflict.sweep.geometry.pose import COLUMNS, Columns, Moving, Pose, colum
 from deconflict_client.advisory import EncounterClass
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, FLOATS, INTS, inner, kernel
 
 STANDING_MPS = 0.05
 """A slower robot stands."""
@@ -49,7 +49,7 @@ ENCOUNTER = np.dtype(
 Encounters = NDArray[Any]
 """(n,) of `ENCOUNTER`."""
 
-_KNOWN = (*(numba.from_dtype(dtype)[::1] for dtype in (ROBOT, KNOT)), numba.float64[::1])
+_KNOWN = (*(numba.from_dtype(dtype)[::1] for dtype in (ROBOT, KNOT)), FLOATS)
 """Robots by slot, their knots, and how much longer and wider than reported each envelope is."""
 
 
@@ -177,11 +177,7 @@ def _closing_mps(a: Moving, b: Moving) -> float:
     return -(dx * (b[3] - a[3]) + dy * (b[4] - a[4])) / distance_m
 
 
-@kernel(
-    numba.types.Tuple((*[numba.float64] * 4, *[numba.int64] * 3))(  # type: ignore[no-untyped-call]
-        *[COLUMNS] * 2, numba.float64
-    )
-)
+@kernel((*[COLUMNS] * 2, FLOAT))
 def _met(columns_a: Columns, columns_b: Columns, at_s: float) -> tuple[float, float, float, float, int, int, int]:
     """Of two envelopes at `at_s`: their distance, x and y of the place between them, the closing speed of their
     centres, the class, and the floor of each."""
@@ -208,7 +204,7 @@ def _box_of(at: Moving, robot: Any, widened_m: float) -> Box:
     return at[0], at[1], cos(at[2]), sin(at[2]), robot.half_length - half_m, robot.half_width - half_m
 
 
-@kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, numba.int64[::1], numba.float64[::1]))
+@kernel(numba.from_dtype(ENCOUNTER)[::1](*_KNOWN, INTS, FLOATS))
 def encounters(robots: Robots, knots: Knots, widened_m: Floats, slots: Ints, at_s: Floats) -> Encounters:
     """(n,) of `ENCOUNTER`: the encounters of n pairs of rectangles at the times `at_s` (n,), equal to `encounter` up to
     rounding. `slots` (2 n,) are those of the pairs one after the other, -1 for an unknown robot. The place is unknown

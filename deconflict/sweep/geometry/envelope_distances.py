@@ -2,13 +2,10 @@
 
 from math import copysign, cos, inf, sin, sqrt
 
-import numba
 import numpy as np
 
 from ingest.batch import Floats
-from ingest.kernels import inner, kernel
-
-_MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
+from ingest.kernels import MATRIX, READ_MATRIX, inner, kernel
 
 
 @inner
@@ -67,7 +64,7 @@ def _set_turns(c: Floats, s: Floats, yaw: Floats, row: int) -> None:
             c[at], s[at] = cos(yaw[row, at]), sin(yaw[row, at])
 
 
-@kernel(numba.float64[:, ::1](*[_MATRIX] * 6))
+@kernel(MATRIX(*[READ_MATRIX] * 6))
 def _signed_gap(dx: Floats, dy: Floats, yaw_a: Floats, yaw_b: Floats, half_a: Floats, half_b: Floats) -> Floats:
     apart, looks = np.empty(dx.shape), dx.shape[1]
     cos_a, sin_a, cos_b, sin_b = np.empty(looks), np.empty(looks), np.empty(looks), np.empty(looks)

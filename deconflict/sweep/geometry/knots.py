@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deconflict.sweep.geometry.pose import between
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import copy_row, inner, kernel, ready
+from ingest.kernels import BOOL, FLOAT, FLOATS, INT, INTS, READ_FLOATS, READ_INTS, copy_row, inner, kernel, ready
 from ingest.shapes import is_sound as is_sound_shape
 
 KNOT = np.dtype(
@@ -61,7 +61,6 @@ Robots = NDArray[Any]
 
 _turn_between = inner(turn_between)
 _KNOT, _ROBOT = (numba.from_dtype(dtype) for dtype in (KNOT, ROBOT))
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 FARTHEST_M, LATEST_S, MOST_TURNED_RAD = 1e8, 1e11, 1e6
 """Largest valid places, times and headings. Beyond them, differences would lose their precision."""
@@ -98,7 +97,7 @@ def is_sound(
     return True
 
 
-_is_sound, _sound = inner(is_sound), kernel(numba.boolean(_INTS, *[_FLOATS] * 8))(is_sound)
+_is_sound, _sound = inner(is_sound), kernel(BOOL(READ_INTS, *[READ_FLOATS] * 8))(is_sound)
 
 
 def faults(forecasts: Forecasts) -> dict[int, str]:
@@ -177,9 +176,7 @@ def _set_robot(
     robot.grown, robot.shape, robot.train = 0.0, 0, 0
 
 
-@kernel(
-    numba.int64(*(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.int64), _INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 4)
-)
+@kernel(INT(*(_ROBOT[::1], _KNOT[::1], INTS, INT), READ_INTS, *[READ_FLOATS] * 4, READ_INTS, *[READ_FLOATS] * 4))
 def _replace(
     robots: Robots,
     knots: Knots,
@@ -231,7 +228,7 @@ def replace(robots: Robots, knots: Knots, slots: Ints, used: int, forecasts: For
 _SWEPT = numba.types.Tuple((_ROBOT[::1], _KNOT[::1]))  # type: ignore[no-untyped-call]
 
 
-@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1]))
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], INTS))
 def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
     """Copies of the robots of `slots` (n,), in that order, and of their knots; slot -1 gives a robot without knots."""
     some, n = np.zeros(len(slots), ROBOT), 0
@@ -247,7 +244,7 @@ def taken(robots: Robots, knots: Knots, slots: Ints) -> tuple[Robots, Knots]:
     return some, own
 
 
-@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], numba.int64[::1], numba.float64[::1], *[numba.float64] * 4))
+@kernel(_SWEPT(_ROBOT[::1], _KNOT[::1], INTS, FLOATS, *[FLOAT] * 4))
 def delayed(
     robots: Robots,
     knots: Knots,

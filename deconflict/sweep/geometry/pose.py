@@ -8,18 +8,16 @@ import numpy as np
 
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
-from ingest.kernels import inner, kernel, ready
+from ingest.kernels import CUBE, FLOAT, INT, READ_FLOATS, READ_INTS, inner, kernel, ready
 
-_FLOATS, _INTS = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
-_POSES = numba.float64[:, :, ::1]
 _turn_between = inner(turn_between)
 
 Knot = tuple[float, float, float, float]
 """t_s, x_m, y_m and yaw_rad."""
 Columns = tuple[Ints, Floats, Floats, Floats, Floats, Ints, Floats, Floats, int]
 """The columns of `Forecasts` that describe the motion and size of robots, and the row of one robot."""
-_REAL, _WHOLE = (numba.types.Array(kind, 1, "A", readonly=True) for kind in (numba.float64, numba.int64))
-COLUMNS = numba.types.Tuple((_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, numba.int64))  # type: ignore[no-untyped-call]
+_REAL, _WHOLE = (numba.types.Array(kind, 1, "A", readonly=True) for kind in (FLOAT, INT))
+COLUMNS = numba.types.Tuple((_WHOLE, *[_REAL] * 4, _WHOLE, *[_REAL] * 2, INT))  # type: ignore[no-untyped-call]
 """The type of `Columns` in kernels."""
 Moving = tuple[float, float, float, float, float, int]
 """A robot at one moment: the fields of `Pose` in order."""
@@ -70,8 +68,8 @@ def moving(columns: Columns, at_s: float) -> Moving:
     return *between((t_s[knot], x_m[knot], y_m[knot], yaw_rad[knot]), following, at_s), floor[knot]
 
 
-_MOVING = numba.types.Tuple((*[numba.float64] * 5, numba.int64))  # type: ignore[no-untyped-call]
-_pose_at = kernel(_MOVING(COLUMNS, numba.float64))(moving)
+_MOVING = numba.types.Tuple((*[FLOAT] * 5, INT))  # type: ignore[no-untyped-call]
+_pose_at = kernel(_MOVING(COLUMNS, FLOAT))(moving)
 
 
 def columns_of(forecasts: Forecasts, row: int) -> Columns:
@@ -84,7 +82,7 @@ def pose_at(forecast: Forecasts, t_s: float) -> Pose:
     return Pose(*_pose_at(columns_of(forecast, 0), t_s))
 
 
-@kernel(_POSES(_INTS, *[_FLOATS] * 4, _INTS, *[_FLOATS] * 2))
+@kernel(CUBE(READ_INTS, *[READ_FLOATS] * 4, READ_INTS, *[READ_FLOATS] * 2))
 def _poses_at(
     start: Ints, t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, floor: Ints, since_s: Floats, after_s: Floats
 ) -> Floats:

@@ -4,7 +4,7 @@ The method is that of `deconflict/sweep/narrowphase.py`, with the distances of t
 have excluded what keeps apart, so this begins where those first meet.
 """
 
-from math import cos, floor, inf, sin, sqrt
+from math import cos, inf, sin, sqrt
 from typing import Any
 
 import numba
@@ -21,15 +21,15 @@ from deconflict.sweep.narrowphase import (
     Contacts,
     Motions,
     Span,
+    are_on_one_floor,
     both_there,
     motions_in_slab,
     nearest_centres,
-    set_place,
 )
 from deconflict.sweep.shapes.shape_gaps import Body, Bridge, Table, body_of, gap, table_of
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE
 from ingest.batch import Floats, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOAT, FLOATS, INT, INTS, inner, kernel
 
 CLEAR, MET, OPEN = 0, 1, 2
 """Results of advancement: no contact, contact, and undecided."""
@@ -42,10 +42,10 @@ Poses = Floats
 """(n, 5) of robot B in the frame of robot A: x, y and heading; and the shortest vector from A to B."""
 
 _BOX, _KNOT, _ROBOT, _PAIR, _PIECE, _CORNER = map(numba.from_dtype, (BOX, KNOT, ROBOT, PAIR, PIECE, CORNER))
-_TWO = numba.types.UniTuple(numba.float64, 2)  # type: ignore[no-untyped-call]
+_TWO = numba.types.UniTuple(FLOAT, 2)  # type: ignore[no-untyped-call]
 _FLOOR = (_BOX[:, ::1], _ROBOT[::1], _KNOT[::1])
-_TABLE = (numba.int64[::1], _PIECE[::1], _CORNER[::1])
-_CONTACT, _REAL = numba.from_dtype(CONTACT), numba.float64
+_TABLE = (INTS, _PIECE[::1], _CORNER[::1])
+_CONTACT = numba.from_dtype(CONTACT)
 
 
 @inner
@@ -142,11 +142,7 @@ def _set_pose(pose: Floats, m: Any, t: float, bridge: Bridge) -> None:
     pose[3], pose[4] = bridge
 
 
-@kernel(
-    numba.types.Tuple((_CONTACT[::1], _REAL[:, ::1]))(  # type: ignore[no-untyped-call]
-        _PAIR[::1], _REAL[::1], *_FLOOR, _TWO, *_TABLE, *[_REAL] * 3, numba.int64
-    )
-)
+@kernel((_PAIR[::1], FLOATS, *_FLOOR, _TWO, *_TABLE, *[FLOAT] * 3, INT))
 def shape_contacts(
     pairs: Pairs,
     since: Floats,
@@ -184,7 +180,7 @@ def shape_contacts(
     return contacts, poses
 
 
-@kernel(_TWO(_ROBOT[::1], numba.from_dtype(MOTION)[::1], *_TABLE, _REAL))
+@kernel(_TWO(_ROBOT[::1], numba.from_dtype(MOTION)[::1], *_TABLE, FLOAT))
 def smallest_of_shapes(
     two: Robots, motions: Motions, begins: Ints, pieces: NDArray[Any], corners: NDArray[Any], accuracy_m: float
 ) -> tuple[float, float]:
@@ -194,7 +190,7 @@ def smallest_of_shapes(
     return _smallest(motions, a, b, table, accuracy_m, np.empty((MOST_SPANS, 6)))
 
 
-@kernel(_REAL[::1](numba.int64[::1], numba.int64[::1], _REAL[::1], *_FLOOR, *_TABLE, _REAL))
+@kernel(FLOATS(INTS, INTS, FLOATS, *_FLOOR, *_TABLE, FLOAT))
 def shape_distances(
     a: Ints,
     b: Ints,
@@ -214,17 +210,12 @@ def shape_distances(
     for at in range(len(a)):
         places[a[at]].t = places[b[at]].t = inf
     for at in range(len(a)):
-        t = max(now_s, robots[a[at]].appears, robots[b[at]].appears)
-        for slot in (a[at], b[at]):
-            if places[slot].t != t:
-                set_place(places[slot], boxes[floor(t) % len(boxes), slot], robots[slot], knots, t)
-        p, q = places[a[at]], places[b[at]]
-        if p.floor < 0 or p.floor != q.floor:
-            apart_m[at] = inf
+        apart_m[at] = inf
+        if not are_on_one_floor(a[at], b[at], boxes, robots, knots, now_s, places):
             continue
+        p, q = places[a[at]], places[b[at]]
         m.dx, m.dy, m.cos_a, m.sin_a, m.cos_b, m.sin_b = q.x - p.x, q.y - p.y, p.cos, p.sin, q.cos, q.sin
         if sqrt(m.dx * m.dx + m.dy * m.dy) - robots[a[at]].radius - robots[b[at]].radius >= most_m[at]:
-            apart_m[at] = inf
             continue
         bodies = body_of(robots[a[at]], table, 0), body_of(robots[b[at]], table, 1)
         apart_m[at] = max(gap(m, 0.0, bodies[0], bodies[1], table, 0.0, 0.0)[0][0], 0.0)

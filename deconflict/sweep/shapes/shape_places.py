@@ -14,7 +14,7 @@ from deconflict.sweep.shapes.shape_gaps import Body, Table, between, body_of, he
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE, SHAPES
 from deconflict.sweep.shapes.trains import pairs_of_bodies
 from ingest.batch import Floats, Forecasts, Ints
-from ingest.kernels import inner, kernel
+from ingest.kernels import FLOATS, INTS, MATRIX, inner, kernel
 
 _KNOT, _ROBOT, _PIECE, _CORNER = map(numba.from_dtype, (KNOT, ROBOT, PIECE, CORNER))
 _heights_overlap = inner(heights_overlap)
@@ -118,18 +118,7 @@ def _place_between(
     return apart, mx, my
 
 
-@kernel(
-    numba.float64[:, ::1](
-        _ROBOT[::1],
-        _KNOT[::1],
-        numba.float64[::1],
-        *[numba.int64[::1]] * 2,
-        numba.float64[::1],
-        numba.int64[::1],
-        _PIECE[::1],
-        _CORNER[::1],
-    )
-)
+@kernel(MATRIX(_ROBOT[::1], _KNOT[::1], FLOATS, *[INTS] * 2, FLOATS, INTS, _PIECE[::1], _CORNER[::1]))
 def _places_between(
     robots: Robots,
     knots: Knots,

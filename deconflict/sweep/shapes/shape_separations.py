@@ -12,7 +12,7 @@ from deconflict.sweep.narrowphase import MOTION
 from deconflict.sweep.shapes.shape_gaps import body_of, gap, table_of
 from deconflict.sweep.shapes.shape_table import CORNER, PIECE, SHAPES
 from ingest.batch import Floats, Ints
-from ingest.kernels import kernel, ready
+from ingest.kernels import INTS, MATRIX, kernel, ready
 
 NEAR_M = 2.0
 """Of robots whose rectangles are further apart, the distance of the rectangles is near enough."""
@@ -21,7 +21,6 @@ Looks = tuple[Floats, Floats, Floats, Floats]
 """(n, m) each: x and y from the centre of A to that of B, and the headings of both."""
 
 _ROBOT, _PIECE, _CORNER = (numba.from_dtype(dtype) for dtype in (ROBOT, PIECE, CORNER))
-_MATRIX = numba.float64[:, ::1]
 
 
 def bodies(shape: Ints, half_m: Floats, levels_m: Floats) -> Robots:
@@ -44,7 +43,7 @@ def shape_separations(apart_m: Floats, looks: Looks, a: Robots, b: Robots) -> Fl
     return _separations(apart_m, dx_m, dy_m, yaw_a_rad, yaw_b_rad, a, b, *SHAPES.arrays)
 
 
-@kernel(_MATRIX(*[_MATRIX] * 5, *[_ROBOT[::1]] * 2, numba.int64[::1], _PIECE[::1], _CORNER[::1]))
+@kernel(MATRIX(*[MATRIX] * 5, *[_ROBOT[::1]] * 2, INTS, _PIECE[::1], _CORNER[::1]))
 def _separations(
     apart_m: Floats,
     dx_m: Floats,

@@ -4,13 +4,12 @@ from collections.abc import Container
 from itertools import chain
 from math import atan2, ceil, cos, hypot, sin
 
-import numba
 import numpy as np
 
 from ingest.batch import Floats, Forecasts, Ints
 from ingest.frames.angles import turn_between
 from ingest.frames.towing import STEP_M, axle_at, towed_yaw
-from ingest.kernels import copy_row, copy_rows, inner, kernel, ready
+from ingest.kernels import FLOATS, INTS, MATRIX, READ_FLOATS, READ_INTS, copy_row, copy_rows, inner, kernel, ready
 from ingest.shapes import Trailer, is_sound
 
 BEND_RAD = 0.05
@@ -21,8 +20,6 @@ MOST_STEPS = 1000
 """Between two knots of the robot."""
 
 _turn_between, _towed_yaw, _axle_at = inner(turn_between), inner(towed_yaw), inner(axle_at)
-_REALS, _INTS = numba.float64[::1], numba.int64[::1]
-_READ, _WHOLE = (numba.types.Array(kind, 1, "C", readonly=True) for kind in (numba.float64, numba.int64))
 
 
 def trailer_forecasts(forecasts: Forecasts, without: Container[int] = ()) -> tuple[Forecasts, Ints]:
@@ -129,11 +126,7 @@ def _towed(
     return times[:kept].copy(), floors[:kept].copy(), poses[:, :kept].copy()
 
 
-@kernel(
-    numba.types.Tuple((_INTS, _REALS, numba.float64[:, ::1], _INTS))(  # type: ignore[no-untyped-call]
-        _WHOLE, *[_READ] * 4, _WHOLE, _INTS, numba.float64[:, ::1], _INTS, *[_REALS] * 2
-    )
-)
+@kernel((READ_INTS, *[READ_FLOATS] * 4, READ_INTS, INTS, MATRIX, INTS, *[FLOATS] * 2))
 def _towed_trains(
     start: Ints,
     t_s: Floats,

@@ -13,12 +13,70 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ingest.languages.massrobotics import fast_decoder, repair
+from ingest.languages.massrobotics import fast_decoder
+from ingest.languages.massrobotics.fast_decoder import struct_of
 from ingest.languages.massrobotics.json_objects import Report, value_type
+from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
-from ingest.languages.tolerance.spelling import nearest
+from ingest.languages.tolerance.spelling import folded, nearest
 from ingest.languages.tolerance.tolerant_json import parsed
+from ingest.languages.tolerance.value_kinds import object_kind
+from ingest.languages.tolerance.value_reader import ValueReader, is_number
+
+NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
+    "pose": ("location", "angle"),
+    "posequaternion": ("angle",),
+    "posequaternions": ("angle",),
+    "quaternion": ("angle",),
+    "qx": ("x",),
+    "qy": ("y",),
+    "qz": ("z",),
+    "qw": ("w",),
+    "length": ("x",),
+    "width": ("y",),
+    "height": ("z",),
+    "planardatumid": ("planarDatum",),
+    "nextworkinglocation": ("destinations",),
+    "nextworkinglocations": ("destinations",),
+    "errorcode": ("errorCodes",),
+    "estimatedremainingruntime": ("remainingRunTime",),
+    "cargocapacityvolumelimit": ("cargoMaxVolume",),
+    "cargocapacityweightlimit": ("cargoMaxWeight",),
+    "visualthumbnailimage": ("thumbnailImage",),
+    "linktoproductdocumentation": ("productDocumentation",),
+}
+"""Names of keys in the text of the standard or in another one, folded, and those of its schema, of which an object has
+one."""
+TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
+"""Required texts without which a report still says the rest."""
+
+
+def repaired_document(document: dict[str, Any], model: type[Report], findings: Findings) -> dict[str, Any]:
+    """A copy of the report with values of the right types, without those that can't be read.
+
+    What the report can't do without stays as it is if it can't be read.
+    """
+    reader = ValueReader(findings, NAMES_OF_THE_TEXT, keeps_others=True, most_items=MOST_POINTS_USED)
+    read, _ = reader.read(document, object_kind(struct_of(model)))
+    for key in TEXTS:
+        if key in model.model_fields and not isinstance(read.get(key), str):
+            if key not in read:
+                findings.note("key-absent", key, None, "read as empty")
+            read[key] = ""
+    if model is IdentityReport and not _is_size(read.get("baseRobotEnvelope")):
+        read["baseRobotEnvelope"] = {"x": 0.0, "y": 0.0}
+    return read
+
+
+def _is_size(envelope: Any) -> bool:
+    return isinstance(envelope, dict) and all(is_number(envelope.get(side)) for side in "xy")
+
+
+def meant_key(key: str, model: type[Report]) -> str:
+    """The key that is meant by one which the schema spells otherwise. "" if the schema has none for it."""
+    return object_kind(struct_of(model)).meant(folded(key), NAMES_OF_THE_TEXT)
+
 
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))
 _STATUS_KEYS = frozenset(("operationalState", "location"))
@@ -66,7 +124,7 @@ def _is_spelt_otherwise(report: Report) -> bool:
     """Whether a key that is absent stands there in another spelling, in the report or in any part of it."""
     extra = report.__pydantic_extra__ or {}
     for key in extra:
-        meant = repair.meant_key(key, type(report))
+        meant = meant_key(key, type(report))
         if meant and meant not in report.model_fields_set:
             return True
     return any(_is_spelt_otherwise(part) for part, _ in parts_of(report))
@@ -91,7 +149,7 @@ def _parts(model: type[Report]) -> list[str]:
 def _repaired_report(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
     document = parsed(raw, findings)
     model = _model(document)
-    repaired = repair.repaired(document, model, findings)
+    repaired = repaired_document(document, model, findings)
     try:
         return model.model_validate(repaired)
     except ValidationError as error:
@@ -128,7 +186,7 @@ def _plain(misfit: Mapping[str, Any]) -> str:
 
 def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport]:
     for model, keys in ((StatusReport, _STATUS_KEYS), (IdentityReport, _IDENTITY_KEYS)):
-        if keys & document.keys() or any(repair.meant_key(key, model) in keys for key in document):
+        if keys & document.keys() or any(meant_key(key, model) in keys for key in document):
             return model
     shown = json.dumps([key[:30] for key in sorted(document)[:5]])
     reason = f"keys {shown} are of neither an identity report nor a status report"

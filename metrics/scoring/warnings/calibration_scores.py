@@ -19,7 +19,7 @@ import numpy as np
 
 from deconflict.foresight.probability.censoring import PARTS, STAYED, part_of, weights
 from ingest.batch import Bools, Floats, Ints, Pair
-from ingest.kernels import kernel
+from ingest.kernels import BOOLS, CUBE, FLOATS, INTS, kernel
 from metrics.scoring.bootstrap import GROUPS, Interval, interval
 from metrics.scoring.summaries import brier, brier_skill, brier_skills, briers
 from metrics.scoring.warnings.likely_pairs import LikelyPairs
@@ -242,10 +242,7 @@ class CalibrationScores:
             self.by_vendors[pair_of_vendors].add(samples, np.array(chosen_rows))
 
 
-_FLOATS, _INTS = numba.float64[::1], numba.int64[::1]
-
-
-@kernel(numba.void(*[_INTS] * 3, *[_FLOATS] * 2, _INTS, numba.boolean[::1], *[numba.float64[:, :, ::1]] * 2, _FLOATS))
+@kernel(numba.void(*[INTS] * 3, *[FLOATS] * 2, INTS, BOOLS, *[CUBE] * 2, FLOATS))
 def _count(
     rows: Ints,
     group: Ints,

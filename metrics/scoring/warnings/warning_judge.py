@@ -12,7 +12,7 @@ from deconflict.foresight.near_misses.warning_before import WITHIN_S
 from deconflict_client.advisory import AnyAdvisory, ConflictAdvisory
 from ingest.batch import Batch, Floats, Pair
 from ingest.measures.measures import Measures
-from metrics.monitoring.warning_queries import OUTCOMES
+from metrics.monitoring.queries import OUTCOMES
 from metrics.scoring.forecast_scores import ForecastScores
 from metrics.scoring.warnings.judged_alerts import JudgedAlert, JudgedOnset, add_revision, judged
 from metrics.scoring.warnings.precision_by_encounters import Alert, RobotPresence

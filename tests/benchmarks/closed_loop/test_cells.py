@@ -10,7 +10,7 @@ from benchmarks.closed_loop.cells.proof import Proof, driven_m, lines
 from benchmarks.closed_loop.cells.world import CellWorld, Compliance
 from benchmarks.planned_floors.floors.driving.driving import NO_WAIT
 from deconflict.adviser import Request
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 
 
 def small_world(**compliance: object) -> CellWorld:

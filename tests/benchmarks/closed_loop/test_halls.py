@@ -15,7 +15,7 @@ from benchmarks.closed_loop.halls.motion.vendors import Compliance
 from benchmarks.closed_loop.halls.runs import Run, advise, driven
 from benchmarks.closed_loop.halls.world import HallWorld
 from deconflict.adviser import Request
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT
 from ingest.measures.measures import Measures

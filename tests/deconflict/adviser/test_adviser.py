@@ -11,7 +11,7 @@ from uuid import NAMESPACE_DNS, uuid5
 import pytest
 
 from deconflict.adviser import Adviser, Request
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 
 START_S = 1_790_000_000.0
 DATUM = str(uuid5(NAMESPACE_DNS, "hall"))

@@ -6,7 +6,7 @@ from typing import get_args
 
 import pytest
 
-from deconflict.adviser.request import Verb
+from deconflict.adviser.asked import Verb
 from deconflict_client.advisory.robot_advice import RobotAdvice
 from tests.deconflict.adviser.advised_floor import (
     BUSY,

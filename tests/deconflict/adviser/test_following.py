@@ -2,8 +2,7 @@
 
 import pytest
 
-from deconflict.adviser.asked import Asked, Following, Option
-from deconflict.adviser.request import Request, Verb
+from deconflict.adviser.asked import Asked, Following, Option, Request, Verb
 
 FAR_M = 500.0, 500.0
 

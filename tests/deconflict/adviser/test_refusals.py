@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deconflict.adviser import refusals
+from deconflict.adviser import advice_lifecycle
 from deconflict.operator.ledger.loss_ledger import LedgerEntry, LossLedger, refusal_entries
 from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.roles.engine_role import EngineRole
@@ -92,7 +92,7 @@ def test_those_behind_are_held_up_too_and_of_one_that_stands_alone_nobody_is() -
 
 
 def test_of_a_long_queue_only_the_first_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(refusals, "MOST_HELD_UP", 1)
+    monkeypatch.setattr(advice_lifecycle, "MOST_HELD_UP", 1)
     assert booked(first_refuses(Reply("declined", "busy"), queued()))[0] == ("l", False, 3.0, {"r": 2.0})
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from deconflict.cluster.broker_share import BrokerShare, brokers_of
+from deconflict.cluster.ingest_feed import BrokerShare, brokers_of
 from deconflict.cluster.nats.nats_connection import NatsConnection
 from deconflict.cluster.nats.shared_state import LEASE_S, SharedState
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from deconflict.simulation.crossing_schedule import CrossingSchedule
 from deconflict.simulation.driving.crossings import CrossingPassage
 from deconflict.simulation.driving.motion import Activity
 from deconflict.simulation.driving.routes import drive
 from deconflict.simulation.driving.traffic import World
 from deconflict.simulation.floor_layout import layout_for
 from deconflict.simulation.participants import ALDER, CORVID, Make, Participant
-from deconflict.simulation.robot_state import robot_states
+from deconflict.simulation.robot_state import CrossingSchedule, robot_states
 
 EAST, NORTH = (1, 0), (0, 1)
 

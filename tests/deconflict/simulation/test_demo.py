@@ -16,7 +16,7 @@ from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.settings.shared_places import Resource, outlines
 from deconflict.settings.site import LossSettings
 from deconflict.settings.site_file import fit_problems, load
-from deconflict.simulation.demo.demo_halls import with_halls
+from deconflict.simulation.demo.demo_floor import with_halls
 from deconflict.simulation.demo.demo_site import ROBOTS, demo_site
 from deconflict.simulation.demo.demo_view import DemoView, advisory_line, tables
 from deconflict.simulation.floor_layout import Bay, layout_for

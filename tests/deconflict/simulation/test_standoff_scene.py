@@ -8,9 +8,8 @@ import pytest
 from deconflict.adviser import Adviser, Request
 from deconflict.settings.site import Site
 from deconflict.settings.site_file import fit_problems, load
-from deconflict.simulation.demo.advice_turns import ORDER, Saved, paired
 from deconflict.simulation.demo.demo_site import demo_site
-from deconflict.simulation.demo.standoff_floor import OFF, StandoffFloor
+from deconflict.simulation.demo.standoff_floor import OFF, ORDER, Saved, StandoffFloor, paired
 from deconflict.simulation.demo.standoff_hall import standoff_site
 from deconflict.simulation.driving.protection import gaps
 from deconflict.simulation.robot_state import robot_states

@@ -10,8 +10,8 @@ from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.fleet import Fleet
 from ingest.measures.measures import Measures
-from ingest.port.backlog import Backlog
 from ingest.port.connection import Connection
+from ingest.port.fair_delivery import Backlog
 from ingest.port.rate_limits import ArrivedMessage
 from ingest.port.time_slices import TimeSlices
 from ingest.recording.log_reader import LogReader, Overtaken, Received, Tick

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import Received
-from ingest.recording.rejected_shares import (
+from ingest.recording.recorder import (
     ALL_BYTES_PER_S,
     BURST_S,
     HEAD_BYTES,

@@ -13,9 +13,8 @@ from ingest.languages.model import Status
 from ingest.languages.rules import Oddity
 from ingest.languages.vda5050.vda_front_end import VdaFrontEnd
 from ingest.languages.vda5050.vda_messages import KINDS, OtherMessage
-from metrics.conformance.field_trials import lateness, paths, plain_outcome, trials
+from metrics.conformance.field_trials import MessageSchema, lateness, paths, plain_outcome, trials
 from metrics.conformance.fields_command import field_table
-from metrics.conformance.message_schema import MessageSchema
 from metrics.conformance.sample_messages import SAMPLE_LANGUAGES, Sample
 from tests.helpers.commands import run
 

@@ -11,7 +11,7 @@ from websockets.asyncio.client import connect
 
 from deconflict.__main__ import parser
 from ingest.settings import Vendor
-from metrics.conformance.watched_senders import Answers, broker_notes, page, watched
+from metrics.conformance.senders_command import Answers, broker_notes, page, watched
 from tests.deconflict.roles.made_service import SITE, free_ports, running
 from tests.helpers.saying import identity, robot, status
 

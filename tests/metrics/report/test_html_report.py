@@ -15,9 +15,9 @@ from deconflict.simulation.demo.demo_site import demo_site
 from ingest.recording.log_reader import LogReader
 from metrics.replay.replay import replay
 from metrics.report.drawings import figures
-from metrics.report.drawings.floor_picture import DrawnFloor, floor_picture
 from metrics.report.drawings.svg import Chart, ticks
 from metrics.report.html_report import page
+from metrics.report.opening_sections import DrawnFloor, floor_picture
 from metrics.report.replay_summary import findings, first_sentences, place_texts, summary
 from tests.metrics.replay.made_replays import NOW_S, log_of_a_crossing, scored
 

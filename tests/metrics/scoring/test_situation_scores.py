@@ -10,7 +10,7 @@ import pytest
 from deconflict_client.advisory import ClearedCode, moment
 from deconflict_client.situations import Situation
 from ingest.batch import Pair
-from metrics.report.situation_section import sentence, situations
+from metrics.report.quality_sections import sentence, situations
 from metrics.scoring.contention_scores import AlertOutcome
 from metrics.scoring.situation_scores import SituationScores, SituationTruth
 from metrics.truth.advised_waits import AdvisedWaits

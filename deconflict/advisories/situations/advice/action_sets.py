@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from deconflict.advice.actions.person_times import SHORTEST_WAIT_S
+from deconflict.advice.actions.action_text import SHORTEST_WAIT_S
 from deconflict.advice.expected_loss import saves_time
 from deconflict.advisories.situations.advice.stakes import SERVICE_REACTION_S, preventable_cost_of
 from deconflict_client.advisory import Action, AnyAdvisory, ConflictAdvisory, Recommendation

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from deconflict.advice.actions.person_times import PERSON_REACTION_S
+from deconflict.advice.actions.action_text import PERSON_REACTION_S
 from deconflict.advice.expected_loss import expected_loss_s
 from deconflict.advisories.severity import SEVERITIES
 from deconflict.advisories.situations.advice.recurrences import Recurrence

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deconflict.advice.expected_loss import expected_loss_s
-from deconflict.advice.requests.conflict_groups import MOST_ASKED, ConflictGroup, ConflictGroups
+from deconflict.advice.requests.hold_requests import MOST_ASKED, ConflictGroup, ConflictGroups
 from deconflict_client.advisory import ConflictAdvisory, Hold, Recommendation, moment
 from ingest.batch import Pair
 from tests.deconflict.engine.made_engine import NOW_S

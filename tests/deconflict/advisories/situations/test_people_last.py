@@ -2,13 +2,15 @@
 
 from typing import Any
 
-from deconflict.advisories.situations.advice.asked_robots import (
+from deconflict.advisories.situations.people_last import (
     ACCEPTS_WITHIN_S,
+    BETWEEN_S,
     FORGOTTEN_S,
     SETTLES_S,
     AskedRobots,
+    PeopleLast,
+    PeopleTurns,
 )
-from deconflict.advisories.situations.people_last import BETWEEN_S, PeopleLast, PeopleTurns
 from deconflict.advisories.situations.situation_lifecycle import UPDATE_GAP_S, SituationLifecycle
 from deconflict.advisories.words.words import Spot
 from deconflict_client.advisory import Acknowledgement, AdviceAnswer, ClearedCode, Location, Severity, moment

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from deconflict.advisories.situations.situation_outline import MOST_LINKED, SPOT_M, _linked, spot_numbers, spots
+from deconflict.advisories.situations.situation_fields import MOST_LINKED, SPOT_M, _linked, spot_numbers, spots
 from deconflict_client.situations import MOST_CORNERS
 from tests.deconflict.advisories.situations.made_situations import conflict, raised
 

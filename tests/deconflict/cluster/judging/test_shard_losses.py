@@ -2,7 +2,7 @@
 
 from math import inf
 
-from deconflict.cluster.judging.shard_losses import ShardLosses
+from deconflict.cluster.judging.loss_writer import ShardLosses
 from deconflict.cluster.tiles.tiles import Area, Grid
 from deconflict.engine.engine_metrics import LOST_SECONDS
 from deconflict.foresight.losses.loss import Loss, LossKind, LossNotice

@@ -5,7 +5,7 @@ from math import hypot, inf, pi
 import numpy as np
 import pytest
 
-from deconflict.contention.crowds.overlapping_robots import COVERED, MOST_COMPARED, overlapping
+from deconflict.contention.crowds.crowds import COVERED, MOST_COMPARED, overlapping
 from deconflict.sweep.pair_choice import LATER_S
 from ingest.batch import Bools, Floats, Ints
 

@@ -5,7 +5,7 @@ from itertools import permutations, product
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deconflict.contention.queues.schedule_bounds import Task, least_weighted_ends
+from deconflict.contention.queues.place_group import Task, least_weighted_ends
 
 
 def least(tasks: list[Task], places: int) -> int:

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from deconflict.adviser import asked
-from deconflict.adviser.asked import UNABLE_S, Asked, Following
-from deconflict.adviser.request import Request
+from deconflict.adviser.asked import UNABLE_S, Asked, Following, Request
 from deconflict.adviser.standoff_advice import StandoffAdvice
 from deconflict.adviser.worth import YIELDED_HALF_LIFE_S, Worth
 from deconflict.engine.engine import Engine

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deconflict.foresight.forecast_errors.doubted_robots import DoubtedRobots
+from deconflict.foresight.forecast_errors.self_contradiction import DoubtedRobots
 from ingest.batch import Basis
 from tests.deconflict.foresight.probability.made_stage import Stage, Walk
 from tests.helpers.made_encounters import NOW_S

@@ -2,7 +2,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deconflict.foresight.near_misses.near_miss_trigger import NearMissTrigger
+from deconflict.foresight.near_misses.near_events import NearMissTrigger
 from deconflict.sweep.incremental import Sweeper
 from ingest.batch import Forecasts
 

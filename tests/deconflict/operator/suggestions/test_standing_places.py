@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from deconflict.operator.suggestions.standing_places import StandingPlaces, shift_begin, standing
 from deconflict.operator.suggestions.suggested_places import SuggestedPlaces
+from deconflict.operator.suggestions.suggestion_routes import StandingPlaces, shift_begin, standing
 from deconflict.operator.suggestions.worst_places import worst_places
 from deconflict_client.answers.suggestion_models import Saving, WorstPlace
 from tests.deconflict.operator.suggestions.made_evidence import SITE, every_hour, evidence, loss

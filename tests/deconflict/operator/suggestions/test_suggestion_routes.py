@@ -8,8 +8,7 @@ from fastapi import FastAPI
 
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.ledger.loss_questions import LossQuestion
-from deconflict.operator.suggestions.standing_places import shift_begin
-from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes
+from deconflict.operator.suggestions.suggestion_routes import add_suggestion_routes, shift_begin
 from deconflict.settings.site import LossSettings
 from deconflict_client.answers.loss_models import LossList
 from ingest.measures.measures import Measures

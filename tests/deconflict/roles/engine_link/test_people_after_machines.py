@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from deconflict.advisories.situations.advice.asked_robots import ACCEPTS_WITHIN_S
-from deconflict.advisories.situations.people_last import BETWEEN_S
+from deconflict.advisories.situations.people_last import ACCEPTS_WITHIN_S, BETWEEN_S
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.advisories.words.place_names import PlaceNames
 from deconflict.operator.store.publisher import Publisher

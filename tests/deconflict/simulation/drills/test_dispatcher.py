@@ -5,9 +5,8 @@ from math import pi
 import pytest
 
 from deconflict.contention.robots.place_geometry import PlaceGeometry
-from deconflict.simulation.drills.dispatcher import Dispatcher
 from deconflict.simulation.drills.errands import STEP_S, Errand, ErrandGroup, Visit
-from deconflict.simulation.drills.site_service import SituationService
+from deconflict.simulation.drills.site_service import Dispatcher, SituationService
 from deconflict.simulation.participants import ALDER, Participant
 from deconflict_client.advisory import Action, ActionKind, moment
 from tests.deconflict.contention.scenes import aisle, resource

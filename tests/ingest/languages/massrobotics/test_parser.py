@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ingest.languages.massrobotics.conformance_rules import RULES
-from ingest.languages.massrobotics.message_document import message_document
+from ingest.languages.massrobotics.massrobotics_front_end import message_document
 from ingest.languages.massrobotics.parser import read
 from ingest.languages.model import MAX_REASON, MAX_TEXT, Identity, Path, Rejection, Status
 from ingest.languages.rules import RejectedError

@@ -7,10 +7,9 @@ from deconflict.simulation.driving.motion import Activity
 from metrics.whatif.change import ROOM_M, Change
 from metrics.whatif.demand import demand_of
 from metrics.whatif.recorded_tracks import RecordedFloor
-from metrics.whatif.simulated.model_runs import STEP_S, model_figures
+from metrics.whatif.simulated.model_runs import STEP_S, SimulatedService, model_figures
 from metrics.whatif.simulated.replayed_floor import ReplayedFloor
 from metrics.whatif.simulated.simulated_plan import Planner
-from metrics.whatif.simulated.simulated_service import SimulatedService
 from tests.metrics.whatif.made_floors import recorded, track
 
 ADVISED = Change("robots follow advice", advised_by=DEFAULT)

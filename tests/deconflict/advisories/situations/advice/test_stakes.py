@@ -2,7 +2,7 @@
 
 import pytest
 
-from deconflict.advice.actions.person_times import PERSON_REACTION_S
+from deconflict.advice.actions.action_text import PERSON_REACTION_S
 from deconflict.advisories.situations.advice.stakes import LASTS_S, stakes_of, urgency_of_stakes
 from deconflict_client.advisory import Severity
 from tests.deconflict.advisories.situations.made_situations import NOW_S, advice, blockage, conflict, queue

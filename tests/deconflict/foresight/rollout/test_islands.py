@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from deconflict.sweep.geometry.islands import islands_of
+from deconflict.foresight.rollout.rollout_schedule import islands_of
 
 SLOTS = 60
 

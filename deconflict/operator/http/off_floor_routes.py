@@ -1,26 +1,19 @@
 """`POST /robots/{uuid}/off-floor`: an operator says that a robot is off the floor, or puts it back on it."""
 
-from typing import Any, Protocol
+from typing import Any
 from uuid import UUID
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from pydantic_core import to_json
 
+from deconflict.operator.http.api_sources import Sources
 from deconflict_client.answers.api_models import OffFloorState, OffFloorStatement
 from ingest.recording.operator_events import OffFloorMark
 
 NOWHERE: dict[int | str, dict[str, Any]] = {409: {"description": "It has sent no position, so it is on no floor"}}
 
 
-class RobotSource(Protocol):
-    """See `api_sources.Sources`."""
-
-    async def robots(self, uuid: str = "") -> list[dict[str, Any]]: ...
-
-    async def mark_off_floor(self, mark: OffFloorMark) -> dict[str, Any]: ...
-
-
-def add_off_floor_routes(app: FastAPI, sources: RobotSource, responses: dict[int | str, dict[str, Any]]) -> None:
+def add_off_floor_routes(app: FastAPI, sources: Sources, responses: dict[int | str, dict[str, Any]]) -> None:
     """`responses` are those of all routes of robots."""
 
     @app.post("/robots/{uuid}/off-floor", response_model=OffFloorState, responses=responses | NOWHERE)
