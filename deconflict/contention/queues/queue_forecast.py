@@ -14,7 +14,7 @@ from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import FLOAT, READ_BOOLS, READ_FLOATS, READ_INTS, inner, kernel
 
 MOST_TURNS = 500
-"""At one place: the time that they take grows with their square."""
+"""At one place and height, beyond those that have room: the time that they take grows with their square."""
 
 
 class QueueEntry(NamedTuple):
@@ -111,10 +111,10 @@ def forecast_queues(
 
     Robots inside beyond the capacity keep their turns. No other turn begins until fewer than `capacity` robots are
     left, nor within the place's changeover time of the turn before. Robots that pass above or below each other do not
-    take each other's room. Of a longer queue the first `MOST_TURNS` count.
+    take each other's room. Of a longer queue the first count, see `MOST_TURNS`.
     """
     places = sorted(wanted)
-    by_place = [sorted(wanted[place])[:MOST_TURNS] for place in places]
+    by_place = [_with_turns(sorted(wanted[place]), geometry.capacity(place) + MOST_TURNS) for place in places]
     start = list(accumulate(map(len, by_place), initial=0))
     columns = zip(*chain.from_iterable(by_place), strict=True) if by_place else ((),) * len(QueueEntry._fields)
     coming, arrival_s, _, service_s, _, bottom_m, top_m = columns
@@ -135,6 +135,19 @@ def forecast_queues(
         place: QueueForecast(entries, inside, begin_s[a:b], end_s[a:b], wait_s, longest_queue)
         for place, entries, (a, b), wait_s, inside, longest_queue in rows
     }
+
+
+def _with_turns(entries: list[QueueEntry], most: int) -> list[QueueEntry]:
+    """Those of `entries`, in the order of service, beside fewer than `most` earlier ones at their height."""
+    if len(entries) <= most:
+        return entries
+    kept, bottom_m, top_m = list[QueueEntry](), np.empty(len(entries)), np.empty(len(entries))
+    for entry in entries:
+        earlier = slice(len(kept))
+        if np.count_nonzero(heights_overlap(bottom_m[earlier], top_m[earlier], entry.bottom_m, entry.top_m)) < most:
+            bottom_m[len(kept)], top_m[len(kept)] = entry.bottom_m, entry.top_m
+            kept.append(entry)
+    return kept
 
 
 _heights_overlap = inner(heights_overlap)

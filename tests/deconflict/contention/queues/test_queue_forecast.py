@@ -69,8 +69,22 @@ def test_the_longest_queue_counts_those_that_wait_together(arrivals: tuple[float
 
 def test_of_a_queue_of_thousands_those_inside_and_the_first_to_come_have_turns() -> None:
     turns = served(*(coming(f"{at:05}", float(at)) for at in range(9000)), inside("in", -9.0, 30.0))
-    assert robots(turns.entries) == ["in", *(f"{at:05}" for at in range(MOST_TURNS - 1))]
+    assert robots(turns.entries) == ["in", *(f"{at:05}" for at in range(MOST_TURNS))]
     assert turns.begin_s[1:3] == [30.0, 90.0]
+
+
+def test_as_many_as_have_room_at_a_place_are_inside_and_more_wait() -> None:
+    there = [inside(f"in {at:05}", -9.0, 30.0) for at in range(2 * MOST_TURNS)]
+    turns = served(*there, *(coming(f"{at}", float(at)) for at in range(3)), capacity=2 * MOST_TURNS - 1)
+    assert turns.inside == 2 * MOST_TURNS
+    assert turns.longest_wait_s > 0.0
+
+
+def test_robots_at_other_heights_take_nobody_the_turn() -> None:
+    above = [coming(f"a {at:05}", 0.5)._replace(bottom_m=100.0 + at, top_m=100.5 + at) for at in range(MOST_TURNS + 5)]
+    below = [inside("in", -9.0, 30.0), *(coming(f"{at}", float(at)) for at in range(1, 4))]
+    turns = served(*above, *(each._replace(bottom_m=0.0, top_m=2.0) for each in below))
+    assert turns.longest_wait_s == served(*below).longest_wait_s > 0.0
 
 
 def test_a_place_without_a_queue_is_free_now() -> None:
