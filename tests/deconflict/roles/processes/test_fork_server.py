@@ -216,8 +216,13 @@ def test_a_service_that_stops_while_it_starts_leaves_no_role_behind(tmp_path: Pa
         assert time.monotonic() < until_s
         time.sleep(0.02)
     assert server.process
-    os.kill(server.process.pid or 0, signal.SIGSTOP)
-    assert role.ensure(time.monotonic())
+    assert (pid := server.process.pid)
+    os.kill(pid, signal.SIGSTOP)
+    while not role.ensure(time.monotonic()):  # its socket was there, and nobody listened at it yet
+        assert time.monotonic() < until_s
+        os.kill(pid, signal.SIGCONT)
+        time.sleep(0.02)
+        os.kill(pid, signal.SIGSTOP)
     stop.set()
     supervisor.run(stop)
     assert (tmp_path / "goes_on 1").exists(), "it still runs, and its directory is removed now"
