@@ -24,7 +24,6 @@ Seconds = Annotated[float, Field(gt=0, le=366 * 86_400, allow_inf_nan=False)]
 MOST_COUNTED = 1 << 50
 Count = Annotated[int, Field(gt=0, le=MOST_COUNTED)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
-DatumId = Annotated[str, AfterValidator(str.lower)]
 Priority = Annotated[float, Field(gt=0, le=100)]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 """At most `reading.largest_body_m`, which `ingest/sizes` checks."""
@@ -43,6 +42,13 @@ def plain_uuid(text: str) -> str | None:
     if not _HEX.fullmatch(digits):
         return None
     return f"{digits[:8]}-{digits[8:12]}-{digits[12:16]}-{digits[16:20]}-{digits[20:]}"
+
+
+def _datum_id(text: str) -> str:
+    return plain_uuid(text) or text.lower()
+
+
+DatumId = Annotated[str, AfterValidator(_datum_id)]
 
 
 class Section(BaseModel):

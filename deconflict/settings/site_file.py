@@ -257,7 +257,8 @@ def _vendor_contradictions(site: Site) -> Iterator[str]:
                     yield f"{key}: found {begin!r}; expected a UUID, or how UUIDs begin with a * at the end"
         keys = [f"vendors[{row}].maps[{column}]" for column in range(len(vendor.maps))]
         maps = list(zip(keys, vendor.maps, strict=True))
-        yield from _repeated((f"{key}.datum", vendor_map.datum) for key, vendor_map in maps)
+        different = (maps[column] for column, each in enumerate(vendor.maps) if each not in vendor.maps[:column])
+        yield from _repeated((f"{key}.datum", vendor_map.datum) for key, vendor_map in different)
         for key, vendor_map in maps:
             yield from _map_contradictions(site, key, vendor_map)
         for column, address in enumerate(vendor.dial):

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from ingest.languages.massrobotics import fast_decoder
 from ingest.languages.massrobotics.fast_decoder import struct_of
-from ingest.languages.massrobotics.json_objects import Report, value_type
+from ingest.languages.massrobotics.json_objects import Extent, Report, value_type
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
@@ -33,9 +33,6 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "qy": ("y",),
     "qz": ("z",),
     "qw": ("w",),
-    "length": ("x",),
-    "width": ("y",),
-    "height": ("z",),
     "planardatumid": ("planarDatum",),
     "nextworkinglocation": ("destinations",),
     "nextworkinglocations": ("destinations",),
@@ -46,8 +43,9 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "visualthumbnailimage": ("thumbnailImage",),
     "linktoproductdocumentation": ("productDocumentation",),
 }
-"""Names of keys in the text of the standard or in another one, folded, and those of its schema, of which an object has
-one."""
+"""Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
+NAMES_OF_SIDES: dict[str, tuple[str, ...]] = {"length": ("x",), "width": ("y",), "height": ("z",)}
+"""Other names of the sides of an envelope. A place has no such names: a height beside it is that of something else."""
 TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 
@@ -57,7 +55,7 @@ def repaired_document(document: dict[str, Any], model: type[Report], findings: F
 
     What the report can't do without stays as it is if it can't be read.
     """
-    reader = ValueReader(findings, NAMES_OF_THE_TEXT, keeps_others=True, most_items=MOST_POINTS_USED)
+    reader = ValueReader(findings, _other_names(model), keeps_others=True, most_items=MOST_POINTS_USED)
     read, _ = reader.read(document, object_kind(struct_of(model)))
     for key in TEXTS:
         if key in model.model_fields and not isinstance(read.get(key), str):
@@ -73,9 +71,13 @@ def _is_size(envelope: Any) -> bool:
     return isinstance(envelope, dict) and all(is_number(envelope.get(side)) for side in "xy")
 
 
+def _other_names(model: type[Any]) -> dict[str, tuple[str, ...]]:
+    return NAMES_OF_THE_TEXT | NAMES_OF_SIDES if model in (IdentityReport, Extent) else NAMES_OF_THE_TEXT
+
+
 def meant_key(key: str, model: type[Report]) -> str:
     """The key that is meant by one which the schema spells otherwise. "" if the schema has none for it."""
-    return object_kind(struct_of(model)).meant(folded(key), NAMES_OF_THE_TEXT)
+    return object_kind(struct_of(model)).meant(folded(key), _other_names(model))
 
 
 _IDENTITY_KEYS = frozenset(("baseRobotEnvelope", "manufacturerName", "robotModel", "robotSerialNumber"))

@@ -26,6 +26,17 @@ def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
     assert load(written(document, tmp_path)).datums[0].id == HALL
 
 
+def test_a_datum_may_be_spelt_in_several_ways_in_one_site_file(tmp_path: Path) -> None:
+    own, plain = "0d9a3f6e-7a51-4c52-9f0e-2b1a6c3d4e5f", "0D9A3F6E7A514C529F0E2B1A6C3D4E5F"
+    names = (own, HALL.replace("-", "")), (plain, f"urn:uuid:{HALL}")
+    fields = sound()["vendors"][1]["maps"][0]
+    maps = [fields | {"datum": datum, "site_datum": site_datum} for datum, site_datum in names]
+    site = load(written(put(sound(), "vendors.1.maps", maps), tmp_path))
+    assert [(each.datum, each.site_datum) for each in site.vendors[1].maps] == [(own, HALL)] * 2
+    maps[1]["readings"] = {**maps[1]["readings"], "dock": [2.0, -40.0]}
+    assert_told(put(sound(), "vendors.1.maps", maps), f"vendors.bolt.maps.{plain}.datum: '{own}' is given by", tmp_path)
+
+
 def test_an_empty_file_gives_the_defaults(tmp_path: Path) -> None:
     assert load(written({}, tmp_path)) == DEFAULT
     assert fit_problems(DEFAULT) == []
@@ -78,6 +89,7 @@ def test_a_wrong_key_is_named_with_what_was_found_and_expected(
     ("path", "value", "says"),
     [
         ("datums.1.id", HALL.upper(), f"datums.Yard.id: '{HALL}' is given by datums.Hall.id too"),
+        ("datums.1.id", HALL.replace("-", ""), f"datums.Yard.id: '{HALL}' is given by datums.Hall.id too"),
         ("datums.0.id", "", "datums.Hall.id: '' names no datum"),
         ("datums.1.id", NIL, f"datums.Yard.id: '{NIL}' names no datum"),
         ("datums.0.reference_points.1.id", "door", "datums.Hall.reference_points[1].id: 'door' is given by"),

@@ -234,6 +234,12 @@ def test_an_envelope_with_the_names_of_its_sides_is_read() -> None:
     assert (message.envelope_m, message.findings) == ((2.8, 1.2, 2.0), ("key-spelling",))
 
 
+def test_a_height_beside_a_place_is_not_how_high_the_robot_is() -> None:
+    message = read(said(location=here(height=2.0)))
+    assert isinstance(message, Status)
+    assert (message.z, message.findings) == (0.0, ("key-unknown",))
+
+
 @given(*[st.floats(-1, 1)] * 4)
 def test_a_heading_is_the_direction_of_the_turned_x_axis(x: float, y: float, z: float, w: float) -> None:
     norm = float(np.linalg.norm((x, y, z, w)))
