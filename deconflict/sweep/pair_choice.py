@@ -245,17 +245,20 @@ class PairChoice:
         and whether a pair of it was left out, which is set.
         """
         most = BOXES.of_pass(len(covered), len(table.by_uuid), len(held))
-        if self._claims is None or len(pairs) <= most:
+        if self._claims is None or FAST_COST * len(pairs) <= most:
             return pairs
         begins = np.flatnonzero(
             np.append(True, (pairs["a"][1:] != pairs["a"][:-1]) | (pairs["b"][1:] != pairs["b"][:-1]))
         )
         first, found, (is_crowded, is_cut) = pairs[begins], np.diff(np.append(begins, len(pairs))), marks
-        pullers, are_fast = pulled_by(table.robots[: len(table)]), self._are_fast(first, table, boxes)
+        are_fast = self._are_fast(first, table, boxes)
+        costs = np.where(are_fast.any(axis=0), np.maximum(found, FAST_COST), found)
+        if costs.sum() <= most:
+            return pairs
+        pullers = pulled_by(table.robots[: len(table)])
         sharers = _sharers(table, pullers, self._claims, (is_crowded, _are_served(held, covered, len(is_crowded))))
         for slots, rows in zip((first["a"], first["b"]), are_fast, strict=True):
             sharers.is_new[slots[rows]] = True
-        costs = np.where(are_fast.any(axis=0), np.maximum(found, FAST_COST), found)
         needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
         is_chosen = chosen_pairs(needs, sharers, most)
         left_out = first[~is_chosen]

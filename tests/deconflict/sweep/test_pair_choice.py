@@ -204,6 +204,18 @@ def test_a_robot_that_reports_seldom_keeps_its_conflicts_while_the_budget_binds(
         assert sum("stands" in pair for pair in found.pairs) >= ALWAYS
 
 
+@pytest.mark.parametrize(("speed_mps", "is_left_out"), [(30.0, True), (0.5, False)])
+def test_bodies_that_are_faster_than_robots_cost_more_than_their_boxes(speed_mps: float, *, is_left_out: bool) -> None:
+    """Each of the one half crosses the way of each of the other half, in one box."""
+    sweeper, rows, ahead_m = Sweeper(clearance_m=0.3, claims=EqualClaims()), dict[str, Forecasts](), 10 * speed_mps
+    for number in range(30):
+        beside_m = 1.0 * number
+        rows[f"east {number}"] = robot((0.0, 10.0), (0.0, ahead_m), (beside_m, beside_m), 0.0, (0.2, 0.2))
+        rows[f"north {number}"] = robot((0.0, 10.0), (beside_m, beside_m), (0.0, ahead_m), pi / 2, (0.2, 0.2))
+    sweeper.update(list(rows), Forecasts.joined(rows.values()))
+    assert (sweeper.find_conflicts(NOW_S).left_out > 0) == is_left_out
+
+
 @pytest.mark.parametrize(("floors", "is_last"), [((0, 0), True), ((0, 1), False)])
 def test_a_robot_is_not_fast_for_the_coordinates_of_the_floor_that_it_goes_to(
     floors: tuple[int, int], is_last: bool
