@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Self
 
 from ingest.plain_files import read_file
 
@@ -70,10 +71,16 @@ class Tokens:
     once that is mended: a role starts whatever has become of the files that were verified when the service started.
     """
 
-    def __init__(self, sources: Mapping[str, str]) -> None:
-        """`sources` gives each owner the source of its token."""
+    def __init__(self, sources: Mapping[str, str], before: Self | None = None) -> None:
+        """`sources` gives each owner the source of its token. `before` has the tokens that were in use.
+
+        Of those, owners whose source is the same have theirs until it is read again.
+        """
         self._sources = dict(sources)
         self._digests: dict[str, bytes] = {}
+        if before:
+            same = dict(before._sources.items() & self._sources.items())
+            self._digests = {owner: digest for owner, digest in before._digests.items() if owner in same}
         self._owners: dict[bytes, str] = {}
         self.refresh()
 

@@ -87,6 +87,22 @@ def test_an_owner_whose_token_could_never_be_read_gets_in_once_it_can(sources: d
     assert tokens.owner(f"Bearer {ALDER}") == "Alder"
 
 
+def test_after_other_settings_an_owner_with_the_same_source_keeps_a_token_that_can_not_be_read(
+    sources: dict[str, str], tmp_path: Path
+) -> None:
+    before = Tokens(sources)
+    (tmp_path / "alder").write_text("")
+    alder = {"Alder": sources["Alder"]}
+    assert Tokens(alder, before).owner(f"Bearer {ALDER}") == "Alder"
+    assert Tokens(alder, before).owner(f"Bearer {BASALT}") is None
+    for others in ({}, {"Alder": "file:/nowhere"}, {"Basalt": sources["Alder"]}):
+        after = Tokens(others, before)
+        assert after.owner(f"Bearer {ALDER}") is None
+        assert Tokens(sources, after).owner(f"Bearer {ALDER}") is None
+    (tmp_path / "alder").write_text("alder-changed-0123456789")
+    assert Tokens(sources, before).owner(f"Bearer {ALDER}") is None
+
+
 def test_those_who_share_a_token_are_kept_out_and_all_others_get_in(sources: dict[str, str], tmp_path: Path) -> None:
     sources |= {"Corvid": "env:BASALT_TOKEN"}
     tokens = Tokens(sources)
