@@ -29,7 +29,7 @@ class VendorCredentials:
     def __init__(self, vendors: Sequence[Vendor], before: Self | None = None) -> None:
         """`before` as of `Tokens`."""
         self._vendors = {vendor.name.casefold(): vendor.name for vendor in vendors}
-        self._tokens = Tokens(token_sources(vendors), before._tokens if before else None)
+        self._tokens: Tokens = Tokens(token_sources(vendors), before._tokens if before else None)
         self._names = {name.casefold(): vendor.name for vendor in vendors for name in vendor.certificate_names}
 
     @property
