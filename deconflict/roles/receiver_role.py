@@ -180,7 +180,7 @@ class ReceiverRole:
             await asyncio.sleep(RELOAD_CHECK_S)
 
     def _apply(self, site: Site) -> None:
-        self.receiver.use_credentials(VendorCredentials(site.vendors))
+        self.receiver.use_vendors(site.vendors)
         self.receiver.use_limits(site.receiver)
         self.recorder.reconfigure(site.recorder)
         before, self.site = self.site, site

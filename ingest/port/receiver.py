@@ -7,7 +7,7 @@ sends nothing is closed.
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -33,7 +33,7 @@ from ingest.security.origin_check import is_cross_site, is_fetched_elsewhere, is
 from ingest.security.refused_clients import RefusedClients
 from ingest.security.tls_handshakes import TlsHandshakes
 from ingest.security.vendor_credentials import Refusal, VendorCredentials
-from ingest.settings import UNKNOWN, ReceiverSettings
+from ingest.settings import UNKNOWN, ReceiverSettings, Vendor
 
 Refuse = Callable[[str, str, float, Connection], None]
 """Gets rule, reason, arrival and connection of a message that could not be received whole."""
@@ -159,11 +159,11 @@ class Receiver:
         self._delivery.use_limits(settings)
         self._limit = connection_limit(settings.max_connections)
 
-    def use_credentials(self, credentials: VendorCredentials) -> None:
-        """Use other credentials from now on. Connections of vendors that no longer exist are closed."""
-        self._credentials = credentials
+    def use_vendors(self, vendors: Sequence[Vendor]) -> None:
+        """Use these vendors' credentials from now on. Connections of vendors that no longer exist are closed."""
+        self._credentials = VendorCredentials(vendors, self._credentials)
         for session in self._all_sessions():
-            if session.connection.vendor and not credentials.known(session.connection.vendor):
+            if session.connection.vendor and not self._credentials.known(session.connection.vendor):
                 reason = f"{session.connection.vendor} was taken out of the site file"
                 self._close_and_count(session, "vendor-removed", CloseCode.POLICY_VIOLATION, reason)
 

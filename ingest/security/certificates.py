@@ -27,21 +27,37 @@ class RenewedContext:
     def __init__(self, files: Iterable[str], load: Callable[[], ssl.SSLContext]) -> None:
         """`load` makes a context of the files. Raises `CertificateError`."""
         self._files, self._load = tuple(filter(None, files)), load
-        self._read = signatures(self._files)
-        self.context = load()
+        self._used: tuple[tuple[int, ...], ...] | None = None
+        """Signatures of the files in use; None while none ever were."""
+        self._failure = ""
+        self.context = self._loaded()
 
     def refresh(self) -> None:
-        """Use changed files for handshakes that begin from now on. If they can't be used, log it and use no part."""
-        changed = signatures(self._files)
-        if changed == self._read:
+        """Use changed files for handshakes that begin from now on.
+
+        If they can't be used, use no part, and try again at the next call: the reason may pass with no file changed,
+        as too many open files. Each other reason is logged.
+        """
+        if signatures(self._files) == self._used:
             return
-        self._read = changed
         try:
-            self.context = self._load()
+            self.context = self._loaded()
         except CertificateError as error:
-            log.error("the earlier certificates stay in use, if there are any: %s", error)
+            self._note("the earlier certificates stay in use, if there are any", error)
         else:
+            self._failure = ""
             log.info("certificates are read again from %s", ", ".join(self._files))
+
+    def _loaded(self) -> ssl.SSLContext:
+        now = signatures(self._files)
+        context = self._load()
+        self._used = now
+        return context
+
+    def _note(self, follows: str, error: CertificateError) -> None:
+        if str(error) != self._failure:
+            log.error("%s: %s", follows, error)
+        self._failure = str(error)
 
 
 class Certificates(RenewedContext):
@@ -53,7 +69,7 @@ class Certificates(RenewedContext):
             super().__init__(files, partial(server_context, settings))
         except CertificateError as error:
             self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-            log.error("nobody can connect until the certificates can be used: %s", error)
+            self._note("nobody can connect until the certificates can be used", error)
 
 
 class ClientCertificates(RenewedContext):

@@ -3,8 +3,10 @@
 import hashlib
 import logging
 import os
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Self
 
 from ingest.plain_files import read_file
 
@@ -57,20 +59,28 @@ def renewed(source: str, before: str = "") -> str:
 
 def verify_tokens(sources: Mapping[str, str]) -> None:
     """Raises `SecretError` if the token of an owner can't be read, or two share one. `sources` as of `Tokens`."""
-    _by_digest({owner: _digest(secret_of(owner, source)) for owner, source in sources.items()})
+    digests = {owner: _digest(secret_of(owner, source)) for owner, source in sources.items()}
+    if shared := _sharing(digests):
+        raise SecretError(f"{', '.join(shared)} have the token of another; give each its own")
 
 
 class Tokens:
     """Owners by token. `refresh` reads the sources again, so that a secret changes without a restart.
 
-    An owner whose token can't be read has the one before. One who has none gets in once it can be read: a role starts
-    whatever has become of the files that were verified when the service started.
+    An owner whose token can't be read, or is another's too, has the one before. One who has none gets in
+    once that is mended: a role starts whatever has become of the files that were verified when the service started.
     """
 
-    def __init__(self, sources: Mapping[str, str]) -> None:
-        """`sources` gives each owner the source of its token."""
+    def __init__(self, sources: Mapping[str, str], before: Self | None = None) -> None:
+        """`sources` gives each owner the source of its token. `before` has the tokens that were in use.
+
+        Of those, owners whose source is the same have theirs until it is read again.
+        """
         self._sources = dict(sources)
         self._digests: dict[str, bytes] = {}
+        if before:
+            same = dict(before._sources.items() & self._sources.items())
+            self._digests = {owner: digest for owner, digest in before._digests.items() if owner in same}
         self._owners: dict[bytes, str] = {}
         self.refresh()
 
@@ -90,28 +100,41 @@ class Tokens:
         return self._digests.get(owner)
 
     def refresh(self) -> None:
-        """Read every source again. What can't be read is logged."""
-        before = dict(self._digests)
+        """Read every source again. What can't be read, and what owners share, is logged and changes nothing."""
+        found = dict(self._digests)
         for owner, source in self._sources.items():
             try:
-                self._digests[owner] = _digest(secret(source))
+                found[owner] = _digest(secret(source))
             except SecretError as error:
-                kept = "the earlier token of %s stays in use: %s" if owner in before else "%s has no token: %s"
-                log.error(kept, owner, error)
-        try:
-            self._owners = _by_digest(self._digests)
-        except SecretError as error:
-            log.error("the earlier tokens stay in use: %s", error)
-            self._digests = before
+                self._log(owner, str(error))
+        self._digests = self._without_shared(found)
+        self._owners = {digest: owner for owner, digest in self._digests.items()}
+
+    def _without_shared(self, found: Mapping[str, bytes]) -> dict[str, bytes]:
+        """`found`, where those who share a token have the one before, or none.
+
+        That one may have become another's. Then both have the ones before. No two of those are the same.
+        """
+        digests = dict(found)
+        while shared := _sharing(digests):
+            for owner in shared:
+                del digests[owner]
+                if owner in self._digests:
+                    digests[owner] = self._digests[owner]
+        for owner in found:
+            if digests.get(owner) != found[owner]:
+                self._log(owner, "it is the token of another; give each its own")
+        return digests
+
+    def _log(self, owner: str, reason: str) -> None:
+        kept = "the earlier token of %s stays in use: %s" if owner in self._digests else "%s has no token: %s"
+        log.error(kept, owner, reason)
 
 
-def _by_digest(digests: Mapping[str, bytes]) -> dict[bytes, str]:
-    """Owners by digest of their token. Raises `SecretError` if two share one."""
-    owners = {digest: owner for owner, digest in digests.items()}
-    if len(owners) < len(digests):
-        shared = [owner for owner, digest in digests.items() if owners[digest] != owner]
-        raise SecretError(f"{', '.join(shared)} has the token of another; give each its own")
-    return owners
+def _sharing(digests: Mapping[str, bytes]) -> list[str]:
+    """The owners of tokens that others have too."""
+    counts = Counter(digests.values())
+    return [owner for owner, digest in digests.items() if counts[digest] > 1]
 
 
 def _digest(token: str) -> bytes:

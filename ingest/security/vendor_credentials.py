@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from ingest.security.tokens import Tokens
 from ingest.settings import Vendor
@@ -25,9 +26,10 @@ class VendorCredentials:
     connection needs credentials.
     """
 
-    def __init__(self, vendors: Sequence[Vendor]) -> None:
+    def __init__(self, vendors: Sequence[Vendor], before: Self | None = None) -> None:
+        """`before` as of `Tokens`."""
         self._vendors = {vendor.name.casefold(): vendor.name for vendor in vendors}
-        self._tokens = Tokens(token_sources(vendors))
+        self._tokens: Tokens = Tokens(token_sources(vendors), before._tokens if before else None)
         self._names = {name.casefold(): vendor.name for vendor in vendors for name in vendor.certificate_names}
 
     @property

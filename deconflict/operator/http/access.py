@@ -87,12 +87,13 @@ class People:
     """The people who may use the port, their tokens and their roles."""
 
     def __init__(self, people: Iterable[Person]) -> None:
+        self._tokens = Tokens({})
         self.renew(people)
 
     def renew(self, people: Iterable[Person]) -> None:
-        """Replace the people."""
+        """Replace the people. Who stays with the same source of a token keeps it if it can't be read just now."""
         people = tuple(people)
-        self._tokens = Tokens(_token_sources(people))
+        self._tokens = Tokens(_token_sources(people), self._tokens)
         self._roles: dict[str, Role] = {person.name: person.role for person in people}
         self._vendors = {person.name: person.vendor for person in people if person.vendor}
 

@@ -34,7 +34,7 @@ class UsedFiles(NamedTuple):
 
 
 class ReadFiles(NamedTuple):
-    """What was found, of files that have not changed since."""
+    """What was found, of files that have not changed since. A problem may pass without a change."""
 
     files: tuple[str, ...]
     signatures: tuple[tuple[int, ...], ...]
@@ -63,7 +63,10 @@ def _named(section: str, files: dict[str, str]) -> dict[str, str]:
 
 
 class CertificateHealth:
-    """When each certificate ends. Files are read again once they have changed. All times are of the host's clock."""
+    """When each certificate ends. Files are read again once they have changed, and while they can't be used.
+
+    All times are of the host's clock.
+    """
 
     def __init__(self) -> None:
         self._read: dict[str, ReadFiles] = {}
@@ -103,7 +106,7 @@ class CertificateHealth:
 
 def _read(used: UsedFiles, files: tuple[str, ...], before: ReadFiles | None) -> ReadFiles:
     now = signatures(files)
-    if before and (before.files, before.signatures) == (files, now):
+    if before and not before.problem and (before.files, before.signatures) == (files, now):
         return before
     try:
         used.load()

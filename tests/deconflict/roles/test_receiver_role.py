@@ -11,18 +11,20 @@ from pathlib import Path
 import numba
 import pytest
 from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
 
 from deconflict.operator.live.recent_batches import unpacked_batch
 from deconflict.roles.receiver_role import DOCUMENTS_AT_ONCE, FAST_PATH_AFTER, MEASURE_EVERY_S, ReceiverRole
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.fleet_factory import load_fast_path
+from deconflict.settings.hot_reload import SITE_FILE, write
 from deconflict.settings.site import Site
 from ingest.batch import Batch
 from ingest.fleet.recovery.kept_messages import kept_identities
 from ingest.port.connection import Connection
 from ingest.recording.log_reader import EngineStarted, Received, Tick
 from ingest.recording.log_rotation import RotatingLog
-from ingest.settings import ReceiverSettings
+from ingest.settings import ReceiverSettings, Vendor
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.saying import identity, status
 from tests.ingest.recording.made_logs import read
@@ -31,8 +33,8 @@ SITE = Site(name="Test hall", receiver=ReceiverSettings(port=0))
 
 
 @asynccontextmanager
-async def serving(directory: Path) -> AsyncIterator[ReceiverRole]:
-    role, stop = ReceiverRole(SITE, directory, directory / "log"), asyncio.Event()
+async def serving(directory: Path, site: Site = SITE) -> AsyncIterator[ReceiverRole]:
+    role, stop = ReceiverRole(site, directory, directory / "log"), asyncio.Event()
     running = asyncio.create_task(role.run(stop))
     try:
         async with asyncio.timeout(PATIENCE_S):
@@ -73,6 +75,22 @@ async def test_the_floor_is_shown_while_no_engine_asks_for_it(tmp_path: Path) ->
                 if batch and len(batch):
                     assert whole
                     seen.add(float(batch.event_s[0]))
+
+
+async def test_a_vendor_whose_token_can_not_be_read_as_the_site_file_changes_still_gets_in(tmp_path: Path) -> None:
+    token, file = "alder-0123456789abcdef", tmp_path / "token"
+    file.write_text(token)
+    alder, headers = Vendor(name="Alder", token=f"file:{file}"), {"Authorization": f"Bearer {token}"}
+    async with serving(tmp_path, SITE.model_copy(update={"vendors": (alder,)})) as role:
+        file.write_text("")
+        vendors = alder, Vendor(name="Basalt")
+        write(tmp_path / SITE_FILE, SITE.model_copy(update={"vendors": vendors}).model_dump_json())
+        while role.site.vendors != vendors:
+            await asyncio.sleep(0.01)
+        url = f"ws://127.0.0.1:{role.receiver.port}"
+        await (await connect(url, additional_headers=headers)).close()
+        with pytest.raises(InvalidStatus):
+            await connect(url)
 
 
 async def test_no_two_connections_of_a_log_have_the_same_number(tmp_path: Path) -> None:

@@ -1,6 +1,9 @@
 """Certificates of an authority of the site's own."""
 
+import resource
 import ssl
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import trustme
@@ -16,3 +19,14 @@ def trusting(authority: trustme.CA, as_client: str | None = None) -> ssl.SSLCont
     if as_client:
         authority.issue_cert(common_name=as_client).configure_cert(context)
     return context
+
+
+@contextmanager
+def no_more_open_files() -> Iterator[None]:
+    """While it lasts, this process can look at files and open none."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)

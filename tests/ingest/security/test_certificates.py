@@ -16,7 +16,7 @@ from websockets.exceptions import InvalidMessage, InvalidStatus
 from ingest.security.certificates import CertificateError, Certificates, server_context
 from ingest.settings import Tls, Vendor
 from tests.ingest.port.made_receiver import floor, until
-from tests.ingest.security.made_tls import trusting, write
+from tests.ingest.security.made_tls import no_more_open_files, trusting, write
 
 
 @pytest.fixture
@@ -137,6 +137,32 @@ async def test_a_port_that_begins_with_files_that_do_not_fit_together_takes_nobo
         files["key"].write_bytes(key)
         served_floor.receiver._certificates.refresh()  # type: ignore[union-attr]
         await (await connect(url, ssl=trusting(authority))).close()
+
+
+@pytest.mark.parametrize("failing", ["the first", "a later"])
+async def test_certificates_that_could_not_be_read_for_a_while_are_used_although_no_file_has_changed(
+    authority: trustme.CA, tmp_path: Path, caplog: pytest.LogCaptureFixture, failing: str
+) -> None:
+    files = {name: tmp_path / f"{name}.pem" for name in ("certificate", "key", "clients")}
+    write_files(authority, files)
+    tls, newest = Tls(**{name: str(file) for name, file in files.items()}), authority
+    if failing == "the first":
+        with no_more_open_files():
+            certificates = Certificates(tls)
+    else:
+        certificates, newest = Certificates(tls), trustme.CA()
+        write_files(newest, files)
+    with no_more_open_files():
+        certificates.refresh()
+        certificates.refresh()
+    assert len([record for record in caplog.records if record.levelname == "ERROR"]) == 1
+    certificates.refresh()
+    in_use = certificates.context
+    certificates.refresh()
+    assert certificates.context is in_use
+    async with floor(tls=tls) as served_floor:
+        served_floor.receiver._handshakes._certificates = certificates  # type: ignore[union-attr]
+        await (await connect(f"wss://127.0.0.1:{served_floor.receiver.port}", ssl=trusting(newest))).close()
 
 
 async def test_an_authority_that_was_taken_out_is_not_trusted_after_the_files_are_read_again(

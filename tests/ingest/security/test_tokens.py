@@ -85,3 +85,50 @@ def test_an_owner_whose_token_could_never_be_read_gets_in_once_it_can(sources: d
     (tmp_path / "alder").write_text(ALDER)
     tokens.refresh()
     assert tokens.owner(f"Bearer {ALDER}") == "Alder"
+
+
+def test_after_other_settings_an_owner_with_the_same_source_keeps_a_token_that_can_not_be_read(
+    sources: dict[str, str], tmp_path: Path
+) -> None:
+    before = Tokens(sources)
+    (tmp_path / "alder").write_text("")
+    alder = {"Alder": sources["Alder"]}
+    assert Tokens(alder, before).owner(f"Bearer {ALDER}") == "Alder"
+    assert Tokens(alder, before).owner(f"Bearer {BASALT}") is None
+    for others in ({}, {"Alder": "file:/nowhere"}, {"Basalt": sources["Alder"]}):
+        after = Tokens(others, before)
+        assert after.owner(f"Bearer {ALDER}") is None
+        assert Tokens(sources, after).owner(f"Bearer {ALDER}") is None
+    (tmp_path / "alder").write_text("alder-changed-0123456789")
+    assert Tokens(sources, before).owner(f"Bearer {ALDER}") is None
+
+
+def test_those_who_share_a_token_are_kept_out_and_all_others_get_in(sources: dict[str, str], tmp_path: Path) -> None:
+    sources |= {"Corvid": "env:BASALT_TOKEN"}
+    tokens = Tokens(sources)
+    assert tokens.owner(f"Bearer {ALDER}") == "Alder"
+    assert tokens.owner(f"Bearer {BASALT}") is None
+    assert tokens.digest("Basalt") is tokens.digest("Corvid") is None
+    (tmp_path / "alder").write_text("alder-changed-0123456789")
+    tokens.refresh()
+    assert tokens.owner("Bearer alder-changed-0123456789") == "Alder"
+    assert tokens.owner(f"Bearer {ALDER}") is tokens.owner(f"Bearer {BASALT}") is None
+
+
+def test_an_earlier_token_that_stays_in_use_is_given_to_no_other(
+    sources: dict[str, str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Alder is given Basalt's, and Corvid the one that Alder had."""
+    corvid, dorado = "corvid-0123456789abcdef", "dorado-0123456789abcdef"
+    monkeypatch.setenv("CORVID_TOKEN", corvid)
+    monkeypatch.setenv("DORADO_TOKEN", dorado)
+    tokens = Tokens(sources | {"Corvid": "env:CORVID_TOKEN", "Dorado": "env:DORADO_TOKEN"})
+    (tmp_path / "alder").write_text(BASALT)
+    monkeypatch.setenv("CORVID_TOKEN", ALDER)
+    monkeypatch.setenv("DORADO_TOKEN", dorado[::-1])
+    tokens.refresh()
+    owners = {token: tokens.owner(f"Bearer {token}") for token in (ALDER, BASALT, corvid, dorado, dorado[::-1])}
+    assert owners == {ALDER: "Alder", BASALT: "Basalt", corvid: "Corvid", dorado: None, dorado[::-1]: "Dorado"}
+    (tmp_path / "alder").write_text("alder-changed-0123456789")
+    tokens.refresh()
+    assert [tokens.owner(f"Bearer {token}") for token in (ALDER, corvid)] == ["Corvid", None]

@@ -153,6 +153,24 @@ async def test_changed_people_apply_at_once_and_end_the_sessions_of_removed_peop
         assert (await browser.get("/advisories", headers=bearer(LEADER))).status_code == 200
 
 
+@pytest.mark.parametrize("found", ["", None])
+async def test_a_token_that_can_not_be_read_as_the_people_change_ends_no_session(
+    tmp_path: Path, people: tuple[Person, ...], found: str | None
+) -> None:
+    file = tmp_path / "token"
+    file.write_text(CHIEF)
+    chief = Person(name="chief", role="administer", token=f"file:{file}")
+    async with served(tmp_path, people=(*people, chief)) as face, http_client(face.http) as browser:
+        await browser.post("/login", data={"token": CHIEF})
+        file.unlink() if found is None else file.write_text(found)
+        face.app.state.people.renew((chief,))
+        assert (await browser.get("/advisories")).status_code == 200
+        face.app.state.people.renew(people)
+        face.app.state.people.renew((*people, chief))
+        assert (await browser.get("/advisories")).status_code == 401
+        assert (await browser.get("/advisories", headers=bearer(CHIEF))).status_code == 401
+
+
 async def test_sessions_of_a_person_are_bounded_and_end_those_of_nobody_else(
     tmp_path: Path, people: tuple[Person, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

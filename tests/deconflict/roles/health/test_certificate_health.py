@@ -14,6 +14,7 @@ from deconflict.settings.outlet_settings import Mqtt
 from deconflict.settings.site import Operator, Site
 from ingest.security.certificate_expiry import expires_s
 from ingest.settings import Tls
+from tests.ingest.security.made_tls import no_more_open_files
 
 NOW = datetime(2030, 6, 1, tzinfo=UTC)
 
@@ -88,3 +89,13 @@ def test_files_that_do_not_fit_together_are_said_with_the_end_of_those_in_use(tm
     assert "No such file" in health.document(site, now_s)["reason"]
     file.write_bytes(whole)
     assert health.document(site, now_s) == {"status": "ok", "expires_s": ends_s}
+
+
+def test_files_that_can_be_used_again_with_no_change_are_said_to_be_in_order(tmp_path: Path) -> None:
+    certificate = tmp_path / "site.pem"
+    trustme.CA().issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(str(certificate))
+    site, health = Site(operator=Operator(tls=Tls(certificate=str(certificate)))), CertificateHealth()
+    with no_more_open_files():
+        assert "can't be used" in health.document(site, 0.0)["reason"]
+    found = health.document(site, 0.0)
+    assert (found["status"], list(found["expires_s"])) == ("ok", ["operator.tls.certificate"])
