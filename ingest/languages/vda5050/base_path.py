@@ -29,10 +29,10 @@ from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.order_numbers import last_between
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
+from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, place_of, states_ahead
 from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_to, is_needless
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
-from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, Position, StateMessage, Velocity2d
+from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage, Velocity2d
 
 LONGEST_S = 40.0
 MOST_ROWS = 150
@@ -154,24 +154,12 @@ def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings)
         if ordered and not ordered.is_meant_by(node.node_id):
             findings["order-unseen"] = None
             ordered = edge = None
-        place = _place(node, ordered, findings)
+        place = place_of(node, ordered, findings)
         first = -1 if before is None else before
         between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
         if between is not None:
             edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_to(place, curves[between], findings))
         yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
-
-
-def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> NodePlace | None:
-    """Where a node is by a state, or else by the order, also if the state's place is not filled in."""
-    place, known = on_earth(node.node_position), ordered.place if ordered else None
-    if place is None or known is None:
-        return place or known
-    if place.x or place.y or place.theta:
-        return place
-    if known.x or known.y:
-        findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
-    return known
 
 
 class _Walk:
@@ -212,22 +200,32 @@ class _Walk:
         With a plan it is the first: `goes_along` leaves out what is passed.
         """
         _, x, y, _ = self.rows[0]
-        at = (start.x, start.y) if start else (x, y)
-        if self.plan or at == (x, y):
+        if self.plan or start is None or (start.x, start.y) == (x, y):
             return 0
-        found, nearest_m = None, BESIDE_M
+        at, found, nearest_m = (start.x, start.y), None, BESIDE_M
         for row, leg in enumerate(legs[:MOST_ROWS]):
             if leg.place is None:
                 break
-            way = (at, *curve_ahead(leg.edge.curve, at), (leg.place.x, leg.place.y))
-            near = nearest_place(way, x, y)
-            is_on = near.away_m <= nearest_m and self._drives_along(way[near.end - 1], way[near.end])
-            if is_on:
-                found, nearest_m = row, near.away_m
+            end = (leg.place.x, leg.place.y)
+            away_m, is_along = self._beside((at, *curve_ahead(leg.edge.curve, at), end))
+            if row == 0 and away_m <= BESIDE_M and not (is_along or self._shows_direction(start)):
+                return 0
+            if is_along and away_m <= nearest_m:
+                found, nearest_m = row, away_m
             elif found is not None:
                 break
-            at = way[-1]
+            at = end
         return found
+
+    def _shows_direction(self, start: Position) -> bool:
+        """Whether the heading is where the robot drives to, since it drives, or has turned since it was at `start`."""
+        turn_rad = turn_between(nan if start.theta is None else start.theta, self.rows[0][3])
+        return self.own is not NO_PATH or self._speed_mps > DRIVES_MPS or abs(turn_rad) > ALONG_RAD
+
+    def _beside(self, way: Polyline) -> tuple[float, bool]:
+        """How far the robot is from a way, and whether it drives along it there."""
+        near = nearest_place(way, *self.rows[0][1:3])
+        return near.away_m, self._drives_along(way[near.end - 1], way[near.end])
 
     def _drives_along(self, start: Point, end: Point) -> bool:
         off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))

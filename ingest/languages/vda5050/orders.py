@@ -251,6 +251,18 @@ def on_earth(place: NodePlace | None) -> NodePlace | None:
     return place if place and abs(place.x) <= MAX_POSITION and abs(place.y) <= MAX_POSITION else None
 
 
+def place_of(node: NodeState, ordered: OrderNode | None, findings: Findings) -> NodePlace | None:
+    """Where a node is by a state, or else by the order, also if the state's place is not filled in."""
+    place, known = on_earth(node.node_position), ordered.place if ordered else None
+    if place is None or known is None:
+        return place or known
+    if place.x or place.y or place.theta:
+        return place
+    if known.x or known.y:
+        findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
+    return known
+
+
 def _edge(edge: Edge, end: NodePlace | None, is_curve_kept: bool, findings: Findings) -> OrderEdge:
     """The edge that leads to a node which is at `end`."""
     curve = None
