@@ -3,7 +3,7 @@
 The result of a message is an identity (an identity or a footprint), a status (an odometry), or an update.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from math import inf, isfinite
 from operator import attrgetter
@@ -39,6 +39,7 @@ from ingest.languages.model import (
     MAX_TEXT,
     Identity,
     Message,
+    Path,
     datum_name,
     only_datum,
     update_of,
@@ -127,19 +128,34 @@ def _read_odometry(
     if pose is None or abs(pose.location_point.x) > MAX_POSITION or abs(pose.location_point.y) > MAX_POSITION:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
     stamp = stamp if stamp.is_known else timestamps.Stamp(memory.path_stamp_s, inf)
-    memory = replace(memory, pose=IsoPose(stamp, _on_known_map(pose, memory, findings), message.velocity))
+    memory = replace(memory, pose=IsoPose(stamp, _on_known_map(pose, stamp.t_s, memory, findings), message.velocity))
     status = status_of(uuid, memory, findings)
     return status or update_of(uuid, findings), memory
 
 
-def _on_known_map(pose: OdometryPose, memory: IsoMemory, findings: Findings) -> OdometryPose:
-    """The pose. One that names no coordinate system is in the one of the robot's paths, or else in its last one."""
+def _on_known_map(pose: OdometryPose, t_s: float, memory: IsoMemory, findings: Findings) -> OdometryPose:
+    """The pose. One that names no coordinate system is in the one of the robot's paths, or else in its last one.
+
+    What is over of a path counts only for a robot that has no last one.
+    """
     at, last = pose.location_point, memory.pose.pose.location_point.ccs_id if memory.pose else None
-    known = only_datum((*memory.path.datums, *memory.plan.datums)) or last
-    if datum_name(at.ccs_id) or not known:
+    if datum_name(at.ccs_id):
+        return pose
+    paths = memory.path, memory.plan
+    ahead = only_datum(datum for path in paths for datum in _datums_ahead(path, t_s))
+    known = ahead or last or only_datum(datum for path in paths for datum in path.datums)
+    if not known:
         return pose
     findings.note("map-missing", "pose.locationPoint.ccsId", at.ccs_id, known)
     return replace(pose, location_point=replace(at, ccs_id=known))
+
+
+def _datums_ahead(path: Path, t_s: float) -> Iterator[str]:
+    """The datums of a path from the point on that was passed last at a time: none if it is over, all without times."""
+    has_times = path.ends_s[0] != path.ends_s[1]
+    for datum, (piece_end_s, *_) in zip(path.datums, path.poses[1:] + path.poses[-1:], strict=True):
+        if piece_end_s > t_s or not has_times:
+            yield datum
 
 
 def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory, findings: Findings) -> IsoMemory:

@@ -6,10 +6,9 @@ long that takes, nobody says. It goes on into the unreleased horizon if its base
 their ends. Where the robot has sent a path with times of its own, the order goes on from its end.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import atan2, dist, hypot, inf, isfinite, isnan, nan, pi, remainder
-from typing import NamedTuple
 
 import msgspec
 
@@ -28,11 +27,18 @@ from ingest.frames.way_pieces import Nearest, nearest_place
 from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.base_ends import speed_mps
-from ingest.languages.vda5050.order_numbers import last_between
-from ingest.languages.vda5050.orders import Order, OrderEdge, OrderNode, is_released, on_earth, states_ahead
-from ingest.languages.vda5050.trajectories import BEND_RAD, Point, Polyline, curve_ahead, curve_to, is_needless
+from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
+from ingest.languages.vda5050.trajectories import (
+    BEND_RAD,
+    Curve,
+    Point,
+    Polyline,
+    curve_ahead,
+    is_in_box,
+    is_needless,
+)
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
-from ingest.languages.vda5050.vda_messages import NodePlace, NodeState, Position, StateMessage, Velocity2d
+from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage, Velocity2d
 
 LONGEST_S = 40.0
 MOST_ROWS = 150
@@ -48,17 +54,6 @@ SHOWS_M = 0.5
 PASSED_BY = 5
 """A plan may pass so many nodes at a distance before one to which it leads."""
 DONE = frozenset(("FINISHED", "FAILED"))
-NO_EDGE = OrderEdge(None, None, None, False, None)
-
-
-class OrderLeg(NamedTuple):
-    """One node that is ahead of a robot, and the edge to it."""
-
-    is_released: bool
-    place: NodePlace | None
-    stops: tuple[str, ...]
-    """Ids of the actions for which the robot stops there."""
-    edge: OrderEdge
 
 
 class OrderedDrive(msgspec.Struct, frozen=True, gc=False):
@@ -84,17 +79,21 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
     done = {action.action_id for action in state.action_states or () if action.action_status in DONE}
     goes_on = memory.bases.are_extended(has_horizon=not legs[-1].is_released)
     ends_in_stop = not goes_on
-    base_end, base_legs = walk.end, 0
+    base_end, base_legs, reached, near = walk.end, 0, 0, None
     for count, leg in enumerate(legs, 1):
         if leg.place is None and leg.is_released:
             findings["node-without-place"] = None
         if not (leg.is_released or goes_on):
             break
-        if leg.place is None or walk.is_long:
+        if leg.place is None or walk.is_long or (walk.plan and count > MOST_ROWS):
             ends_in_stop = False
             break
-        if not walk.goes_along(leg.edge, leg.place, legs[count : count + PASSED_BY]):
+        if count > reached:
+            passed, near = walk.next_on_plan(legs[count - 1 : count + PASSED_BY])
+            reached = count + passed
+        if count < reached:
             continue
+        walk.go_along(leg.edge, leg.place, near)
         if leg.is_released:
             base_end, base_legs = walk.end, count
         if leg.stops and not done.issuperset(leg.stops):
@@ -134,44 +133,10 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
     is_left_out = state.node_states is None and state.driving
     if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
-        return [_leg(order, number, node) for number, node in order.nodes.items() if number > passed]
+        return [leg for number, leg in order.legs() if number > passed]
     if state.node_states and order is None:
         findings["order-unseen"] = None
-    return list(_legs_of_state(state, order, findings))
-
-
-def _leg(order: Order, number: int, node: OrderNode) -> OrderLeg:
-    return OrderLeg(node.released, node.place, node.stops, order.edges.get(number, NO_EDGE))
-
-
-def _legs_of_state(state: StateMessage, order: Order | None, findings: Findings) -> Iterator[OrderLeg]:
-    edge_states = state.edge_states
-    curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
-    curved = sorted(curves)
-    nodes, edges = (order.nodes, order.edges) if order else ({}, {})
-    for number, node, before in states_ahead(state, order, findings):
-        ordered, edge = nodes.get(number), edges.get(number)
-        if ordered and not ordered.is_meant_by(node.node_id):
-            findings["order-unseen"] = None
-            ordered = edge = None
-        place = _place(node, ordered, findings)
-        first = -1 if before is None else before
-        between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
-        if between is not None:
-            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_to(place, curves[between], findings))
-        yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
-
-
-def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> NodePlace | None:
-    """Where a node is by a state, or else by the order, also if the state's place is not filled in."""
-    place, known = on_earth(node.node_position), ordered.place if ordered else None
-    if place is None or known is None:
-        return place or known
-    if place.x or place.y or place.theta:
-        return place
-    if known.x or known.y:
-        findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
-    return known
+    return list(legs_of_state(state, order, findings))
 
 
 class _Walk:
@@ -212,37 +177,58 @@ class _Walk:
         With a plan it is the first: `goes_along` leaves out what is passed.
         """
         _, x, y, _ = self.rows[0]
-        at = (start.x, start.y) if start else (x, y)
-        if self.plan or at == (x, y):
+        if self.plan or start is None or (start.x, start.y) == (x, y):
             return 0
-        found, nearest_m = None, BESIDE_M
+        at, found, nearest_m = (start.x, start.y), None, BESIDE_M
         for row, leg in enumerate(legs[:MOST_ROWS]):
             if leg.place is None:
                 break
-            way = (at, *curve_ahead(leg.edge.curve, at), (leg.place.x, leg.place.y))
-            near = nearest_place(way, x, y)
-            is_on = near.away_m <= nearest_m and self._drives_along(way[near.end - 1], way[near.end])
-            if is_on:
-                found, nearest_m = row, near.away_m
+            end = (leg.place.x, leg.place.y)
+            away_m, is_along = self._beside(at, leg.edge.curve, end)
+            if row == 0 and away_m <= BESIDE_M and not (is_along or self._shows_direction(start)):
+                return 0
+            if is_along and away_m <= nearest_m:
+                found, nearest_m = row, away_m
             elif found is not None:
                 break
-            at = way[-1]
+            at = end
         return found
+
+    def _shows_direction(self, start: Position) -> bool:
+        """Whether the heading is where the robot drives to, since it drives, or has turned since it was at `start`."""
+        turn_rad = turn_between(nan if start.theta is None else start.theta, self.rows[0][3])
+        return self.own is not NO_PATH or self._speed_mps > DRIVES_MPS or abs(turn_rad) > ALONG_RAD
+
+    def _beside(self, start: Point, curve: Curve | None, end: Point) -> tuple[float, bool]:
+        """How far the robot is from the way of a leg, inf if surely over `BESIDE_M`, and whether it drives along it."""
+        here = self.rows[0][1:3]
+        if not is_in_box(here, (start, end, *(curve.points if curve else ())), BESIDE_M):
+            return inf, False
+        way = (start, *curve_ahead(curve, start), end)
+        near = nearest_place(way, *here)
+        return near.away_m, self._drives_along(way[near.end - 1], way[near.end])
 
     def _drives_along(self, start: Point, end: Point) -> bool:
         off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
         return start != end and not abs(off_rad) > ALONG_RAD
 
-    def goes_along(self, edge: OrderEdge, place: NodePlace, following: Sequence[OrderLeg]) -> bool:
-        """Drive along an edge to its node, and turn there as the node says. False if the plan leads past it.
+    def next_on_plan(self, legs: Sequence[OrderLeg]) -> tuple[int, Nearest | None]:
+        """How many of the legs the plan leads past, and where it comes to the node of the next for the first time.
 
-        It does if it leads to one of the legs that follow instead.
+        0 and None if it comes to none of them.
         """
+        for row, leg in enumerate(legs if self.plan else ()):
+            if leg.place:
+                near = nearest_place(self.plan, leg.place.x, leg.place.y, BESIDE_M)
+                if near.away_m <= BESIDE_M:
+                    return row, near
+        return 0, None
+
+    def go_along(self, edge: OrderEdge, place: NodePlace, near: Nearest | None) -> None:
+        """Drive along an edge to its node, which is `near` the plan if that leads there, and turn as the node says."""
         end, datum = (place.x, place.y), datum_name(place.map_id or self.datums[-1])
-        if self.plan and (near := self._planned(place)):
+        if near:
             way, end, self.plan = self.plan[1 : near.end], near.point, (near.point, *self.plan[near.end :])
-        elif self.plan and any(self._planned(each.place) for each in following if each.place):
-            return False
         else:
             is_nearer = bool(self.plan) and dist(self.plan[-1], end) < dist(self.plan[0], end)
             way, self.plan = self.plan[1:] if is_nearer and self._is_of_order else (), ()
@@ -251,12 +237,6 @@ class _Walk:
             self._turn_and_drive(x, y, edge, datum)
         if place.theta is not None:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
-        return True
-
-    def _planned(self, place: NodePlace) -> Nearest | None:
-        """Where the plan comes to a node for the first time. None if it does not."""
-        near = nearest_place(self.plan, place.x, place.y, BESIDE_M)
-        return near if near.away_m <= BESIDE_M else None
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
         """The ends of base and horizon, for a robot that has driven the first legs where the base ends."""

@@ -6,12 +6,13 @@ where it stops. An update of an order replaces its horizon and continues its bas
 
 from collections.abc import Iterator, Sequence
 from operator import itemgetter
+from typing import NamedTuple
 
 import msgspec
 
 from ingest.languages.model import MAX_POSITION
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.order_numbers import edges_by_end, numbers_of, plain_id
+from ingest.languages.vda5050.order_numbers import edges_by_end, last_between, numbers_of, plain_id
 from ingest.languages.vda5050.trajectories import Curve, curve_to
 from ingest.languages.vda5050.vda_messages import Edge, NodePlace, NodeState, OrderMessage, StateMessage, VdaNode
 
@@ -51,6 +52,19 @@ class OrderEdge(msgspec.Struct, frozen=True, gc=False):
     """None if it is straight."""
 
 
+NO_EDGE = OrderEdge(None, None, None, False, None)
+
+
+class OrderLeg(NamedTuple):
+    """One node that is ahead of a robot, and the edge to it."""
+
+    is_released: bool
+    place: NodePlace | None
+    stops: tuple[str, ...]
+    """Ids of the actions for which the robot stops there."""
+    edge: OrderEdge
+
+
 class Order(msgspec.Struct, frozen=True, gc=False):
     """The newest state of an order. The numbers of its nodes are their sequence ids, if these rise."""
 
@@ -66,6 +80,11 @@ class Order(msgspec.Struct, frozen=True, gc=False):
     def is_meant_by(self, order_id: str | None) -> bool:
         """Whether a state with this id is about it. Without an id on either side it may be, so that the newest is."""
         return order_id is None or self.order_id in ("", plain_id(order_id))
+
+    def legs(self) -> Iterator[tuple[int, OrderLeg]]:
+        """The legs of the way, with the numbers of their nodes."""
+        for number, node in self.nodes.items():
+            yield number, OrderLeg(node.released, node.place, node.stops, self.edges.get(number, NO_EDGE))
 
     def number_of(self, node_id: str | None, sequence_id: int | None) -> int:
         """The number of a node that a robot has passed. -1 if it has passed none."""
@@ -249,6 +268,36 @@ def is_released(state: NodeState, ordered: OrderNode | None) -> bool:
 def on_earth(place: NodePlace | None) -> NodePlace | None:
     """The place of a node. None if it lies off any floor."""
     return place if place and abs(place.x) <= MAX_POSITION and abs(place.y) <= MAX_POSITION else None
+
+
+def legs_of_state(state: StateMessage, order: Order | None, findings: Findings) -> Iterator[OrderLeg]:
+    edge_states = state.edge_states
+    curves = {edge.sequence_id: edge.trajectory for edge in edge_states if edge.trajectory} if edge_states else {}
+    curved = sorted(curves)
+    nodes, edges = (order.nodes, order.edges) if order else ({}, {})
+    for number, node, before in states_ahead(state, order, findings):
+        ordered, edge = nodes.get(number), edges.get(number)
+        if ordered and not ordered.is_meant_by(node.node_id):
+            findings["order-unseen"] = None
+            ordered = edge = None
+        place = _place(node, ordered, findings)
+        first = -1 if before is None else before
+        between = last_between(curved, first, node.sequence_id) if curved and not (edge and edge.curve) else None
+        if between is not None:
+            edge = msgspec.structs.replace(edge or NO_EDGE, curve=curve_to(place, curves[between], findings))
+        yield OrderLeg(is_released(node, ordered), place, ordered.stops if ordered else (), edge or NO_EDGE)
+
+
+def _place(node: NodeState, ordered: OrderNode | None, findings: Findings) -> NodePlace | None:
+    """Where a node is by a state, or else by the order, also if the state's place is not filled in."""
+    place, known = on_earth(node.node_position), ordered.place if ordered else None
+    if place is None or known is None:
+        return place or known
+    if place.x or place.y or place.theta:
+        return place
+    if known.x or known.y:
+        findings.note("node-place-zero", "nodeStates[].nodePosition", 0.0, "where the order says")
+    return known
 
 
 def _edge(edge: Edge, end: NodePlace | None, is_curve_kept: bool, findings: Findings) -> OrderEdge:

@@ -1,5 +1,6 @@
 """Trajectories of VDA 5050: NURBS curves, as polylines."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import atan2, hypot, isfinite
@@ -114,6 +115,15 @@ def curve_ahead(curve: Curve | None, here: Point) -> Polyline:
     points = sampled(curve) if curve else ()
     nearest_m, ahead = nearest_piece(points, *here)
     return points[ahead:] if nearest_m <= ON_CURVE_M else ()
+
+
+def is_in_box(here: Point, points: Sequence[Sequence[float]], margin_m: float) -> bool:
+    """Whether a place is in the box around points, or no further beside it. A curve stays within its control points."""
+    for axis, at in enumerate(here):
+        along = [point[axis] for point in points]
+        if not min(along) - margin_m <= at <= max(along) + margin_m:
+            return False
+    return True
 
 
 def _corners(curve: Curve) -> Polyline:

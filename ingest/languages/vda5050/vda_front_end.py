@@ -167,15 +167,17 @@ def _read_motion(
 def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:
     """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one.
 
+    Those of the order count from the last one that the robot has passed.
     Programs that do not know yet where the robot is send zeros without a map.
     """
     if datum_name(position.map_id) or position.is_lost:
         return position
     places: list[NodePlace | None] = []
     if isinstance(message, StateMessage):
-        order = order_by(memory, message)
         places += [node.node_position for node in message.node_states or ()]
-        places += [node.place for node in order.nodes.values()] if order else []
+        if order := order_by(memory, message):
+            passed = order.passed_by(message)
+            places += [node.place for number, node in order.nodes.items() if number >= passed]
     last = memory.pose.position.map_id if memory.pose else None
     known = only_datum(datum_name(place.map_id) for place in places if place) or last
     if not known:

@@ -182,3 +182,26 @@ def test_an_odometry_without_a_coordinate_system_is_in_that_of_the_robots_paths_
 def test_outer_spaces_of_a_coordinate_system_do_not_count() -> None:
     spaced = odometry(T).replace(b'"ccsId": "hall"', b'"ccsId": " HALL "')
     assert IsoListener().status_after(("odometry", spaced)).datum == CCS
+
+
+def test_a_path_that_is_over_does_not_bring_a_robot_without_a_coordinate_system_back_to_its_floor() -> None:
+    def upstairs(t_s: float, ccs_id: str) -> tuple[str, bytes]:
+        return "odometry", odometry(t_s).replace(b'"ccsId": "hall"', f'"ccsId": "{ccs_id}"'.encode())
+
+    listener = IsoListener()
+    listener.hears("localTrajectory", trajectory(T, (T + 1, 1.0, 0.0), (T + 2, 2.0, 0.0)))
+    assert listener.status_after(upstairs(T, " ")).datum == CCS
+    assert listener.status_after(upstairs(T + 60, "loft")).datum == "loft"
+    assert listener.status_after(upstairs(T + 61, " ")).datum == "loft"
+
+
+@pytest.mark.parametrize(("seconds", "datum"), [(1.5, CCS), (2.5, CCS), (3.5, "loft")])
+def test_points_that_a_robot_without_a_coordinate_system_has_passed_do_not_say_where_it_is(
+    seconds: float, datum: str
+) -> None:
+    listener, way = IsoListener(), points(*((T + s, 0.0, 0.0) for s in (1, 2, 3, 4)))
+    for point in way[2:]:
+        point["locationPoint"]["ccsId"] = "loft"
+    listener.status_after(HERE, ("localTrajectory", iso(T, localTrajectory=way)))
+    nameless = odometry(T + seconds).replace(b'"ccsId": "hall"', b'"ccsId": " "')
+    assert listener.status_after(("odometry", nameless)).datum == datum

@@ -290,3 +290,16 @@ def test_a_state_without_a_map_is_on_that_of_its_nodes_and_then_on_the_last_one(
     assert listener.status_after(("state", state(T + 2, orderId="", **nameless))).datum == datum
     lost = position(mapId=None, positionInitialized=False)
     assert listener.status_after(("state", state(T + 3, agvPosition=lost))).datum == ""
+
+
+def test_a_state_without_a_map_is_on_the_other_floor_once_the_robot_has_passed_the_lift() -> None:
+    upstairs = {"x": 0.0, "y": 0.0, "mapId": "loft"}
+    nodes = [node(0, 0.0), node(1, 10.0), node(2, None, nodePosition=upstairs), node(3, None, nodePosition=upstairs)]
+    listener = Listener()
+    listener.hears("order", order(T, nodes))
+    listener.hears("state", under_way(T + 1, 0.0, 0.0, nodes[1:]))
+    datums = [
+        listener.status_after(("state", under_way(T + s, 0.0, 0.0, ahead, agvPosition=position(mapId=None)))).datum
+        for s, ahead in ((2, nodes[2:]), (60, nodes[3:]))
+    ]
+    assert datums == ["hall", "loft"]
