@@ -21,6 +21,7 @@ from deconflict.operator.blackbox.blackbox_request import (
     LearnedSnapshot,
     NearPair,
 )
+from deconflict.operator.store.pending_writes import DiskWork
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.learned_state import unpacked
 from deconflict.runtime.worker_process import WorkerError, run_in_process
@@ -67,6 +68,7 @@ class Keeper:
         """What the engine has under way at the next snapshot."""
         self._pending: list[tuple[float, NearPair]] = []
         """Each with the time at which it was noted, monotonic."""
+        self.noting = DiskWork(self.write_pending)
         self._logged_behind = False
         """Whether the log says that the recording is behind."""
         for outcome in ("kept", "unfounded", "failed", "beyond"):
