@@ -18,7 +18,8 @@ from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
 from deconflict.operator.blackbox.archive import FOLDER
-from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS
+from deconflict.operator.blackbox.blackbox_request import NearPair
+from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS, Keeper
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
@@ -32,7 +33,7 @@ from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.outlet_settings import Webhook
 from deconflict.settings.shared_places import NamedArea
-from deconflict.settings.site import LossSettings, Operator, Person, Site, StoreSettings
+from deconflict.settings.site import BlackBox, LossSettings, Operator, Person, Site, StoreSettings
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation, situations_of
 from ingest.recording import replaced_file
@@ -238,6 +239,56 @@ def test_what_waits_for_a_slow_disk_is_written_before_the_role_ends(
     asyncio.run(serve())  # its end cancels what still runs, as the end of the process does
     assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == 2
     assert (tmp_path / LEARNED).read_bytes() == learned(2)
+
+
+async def test_a_near_miss_while_those_of_before_are_read_replaces_none_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, is_published, pending = Keeper._read_pending, threading.Event(), tmp_path / FOLDER / PENDING
+    pending.parent.mkdir()
+    pending.write_text(json.dumps([["before", "b", time.time()]]))
+
+    def slow(self: Keeper) -> list[NearPair]:
+        pairs = read(self)
+        assert is_published.wait(PATIENCE_S)
+        return pairs
+
+    def kept() -> list[str]:
+        return [a for a, *_ in json.loads(pending.read_text())]
+
+    monkeypatch.setattr(Keeper, "_read_pending", slow)
+    async with serving(tmp_path) as (_, engine):
+        await publish_beside_a_near_miss(engine, 1)
+        assert kept() == ["before"], "a kill loses none of before"
+        is_published.set()
+        await until(lambda: len(kept()) == 2)
+    assert kept() == ["a1", "before"]
+
+
+async def test_no_two_writes_of_the_pending_near_misses_overlap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first waits for the disk until its near miss has had its black box."""
+    write, goes_on, writing, most = Keeper.write_pending, threading.Event(), list[int](), list[int]()
+
+    def slow(self: Keeper) -> None:
+        writing.append(1)
+        most.append(len(writing))
+        if self._pending:
+            assert goes_on.wait(PATIENCE_S)
+        write(self)
+        writing.pop()
+
+    monkeypatch.setattr(Keeper, "write_pending", slow)
+    monkeypatch.setattr("deconflict.operator.blackbox.keeper.LATEST_S", 0.0)
+    async with serving(tmp_path, blackbox=BlackBox(before_s=1.0, after_s=1.0)) as (role, engine):
+        await publish_beside_a_near_miss(engine, 1)
+        await until(lambda: bool(writing))
+        await until(lambda: not role._keeper._pending)
+        await asyncio.to_thread(most.count, 1)
+        goes_on.set()
+    assert max(most) == 1
+    assert not (tmp_path / FOLDER / PENDING).exists()
 
 
 def learned(at_s: float) -> bytes:
