@@ -59,7 +59,7 @@ class OperatorCalls:
         self._engine, self._learned_file, self._keeper = engine, learned_file, keeper
         self._unwritten = b""
         """The learned state to be written."""
-        self._noting, self._learning = DiskWork(keeper.write_pending), DiskWork(self._write_learned)
+        self._learning = DiskWork(self._write_learned)
         self._ledger, self._situations = ledger, situations
         self._own_measures = publisher.measures, face_measures
         self.other_numbers = asyncio.Event()
@@ -90,6 +90,10 @@ class OperatorCalls:
             "health": self._health,
             "notice": self._notice,
         }
+
+    async def settled(self, within_s: float) -> None:
+        """Wait until the disk has what was taken in, or so long."""
+        await asyncio.gather(self._learning.settled(within_s), self._keeper.noting.settled(within_s))
 
     async def forward_answer(self, advisory_id: str, answer: Acknowledgement) -> None:
         """Have the follower put an answer into the stream, and wait until the stream returns it."""
@@ -164,7 +168,7 @@ class OperatorCalls:
         if head.get("near_misses"):
             pairs = [NearPair.from_json(*near_miss) for near_miss in head["near_misses"]]
             self._keeper.note(pairs)
-            await self._noting.do()  # no advisory waits for the disk
+            await self._keeper.noting.do()  # no advisory waits for the disk
         if head.get("losses"):
             self._add_losses(**head["losses"])
         self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for

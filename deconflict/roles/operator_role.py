@@ -46,6 +46,9 @@ MOST_THREADS = 32
 FILES_EVERY_S = 1.0
 """How often files that can't be used are tried again."""
 
+LAST_WRITES_S = 2.0
+"""How long the end of the role waits for what a slow disk is to take beside the advisories."""
+
 
 class OperatorRole:
     """Owns the store, and asks the other roles for everything else that it serves."""
@@ -83,6 +86,7 @@ class OperatorRole:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
                 await self._serve(listener, stop)
         finally:
+            await self._calls.settled(LAST_WRITES_S)
             await self._situations.settled()
             self.sources.history.close()
             await self._publisher.close()

@@ -21,6 +21,7 @@ from deconflict.operator.blackbox.blackbox_request import (
     LearnedSnapshot,
     NearPair,
 )
+from deconflict.operator.store.pending_writes import DiskWork
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.learned_state import unpacked
 from deconflict.runtime.worker_process import WorkerError, run_in_process
@@ -67,13 +68,16 @@ class Keeper:
         """What the engine has under way at the next snapshot."""
         self._pending: list[tuple[float, NearPair]] = []
         """Each with the time at which it was noted, monotonic."""
+        self._has_read_pending = False
+        self.noting = DiskWork(self._write_noted)
+        """Writes the pending pairs, once `run` has read those of before."""
         self._logged_behind = False
         """Whether the log says that the recording is behind."""
         for outcome in ("kept", "unfounded", "failed", "beyond"):
             measures.count(BLACKBOXES, outcome, by=0)
 
     def note(self, pairs: Iterable[NearPair]) -> None:
-        """Note pairs that the engine has just seen within the clearance. `write_pending` keeps them for a restart."""
+        """Note pairs that the engine has just seen within the clearance. `noting` keeps them for a restart."""
         for pair in pairs if self.site.keeps_boxes else ():
             pending = [*self._pending, (time.monotonic(), pair)]
             if len(pending) > MOST_PAIRS:
@@ -99,6 +103,8 @@ class Keeper:
     async def run(self) -> None:
         """Write each box when it is due, until cancelled."""
         self.note(await asyncio.to_thread(self._read_pending))
+        self._has_read_pending = True
+        await self.noting.do()  # a pair that was noted meanwhile is not on disk
         pruned_s = float("-inf")
         while True:
             if time.monotonic() - pruned_s >= PRUNE_EVERY_S:
@@ -109,7 +115,7 @@ class Keeper:
             if recorded:
                 await self._keep(pairs)
                 self._pending = [pending for pending in self._pending if pending[1] not in pairs]
-                await asyncio.to_thread(self.write_pending)
+                await self.noting.do()
                 await asyncio.to_thread(self._prune)
             await asyncio.sleep(CHECK_EVERY_S)
 
@@ -183,6 +189,10 @@ class Keeper:
         else:
             if removed:
                 log.info("removed black boxes: %s", ", ".join(removed))
+
+    def _write_noted(self) -> None:
+        if self._has_read_pending:  # else those of before would be replaced
+            self.write_pending()
 
     def write_pending(self) -> None:
         """Write the pending pairs to disk. If that fails, only a restart loses them."""

@@ -123,22 +123,27 @@ function scene() {
 // Whether what is read every minute at least is of the time that is shown, or has been lost since.
 function isRecent(atS) { return shown.atS - atS < RECENT_S; }
 
+// What the map shows of a floor: all that it has had since somebody asked for the whole, or what it has now if no map shows that at once.
 function bounds(scene) {
-  const points = together([...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon), ...scene.robots.map((robot) => robot.knots.slice(1, 3))]);
+  const fixed = [...scene.marks.map((mark) => [mark.x, mark.y]), ...[...scene.places, ...scene.areas, ...scene.obstacles].flatMap((each) => each.polygon)], at = (robot) => robot.knots.slice(1, 3);
+  const points = together([...fixed, ...scene.robots.map(at)], () => fixed[0] ?? at(scene.robots.reduce((a, b) => (b.uuid < a.uuid ? b : a))));
   if (!points.length) return [-10, -10, 10, 10];
-  const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]), [left, bottom, right, top] = extents.get(scene.floor) ?? [Infinity, Infinity, -Infinity, -Infinity];
-  const whole = [Math.min(left, down(Math.min(...xs))), Math.min(bottom, down(Math.min(...ys))), Math.max(right, -down(-Math.max(...xs))), Math.max(top, -down(-Math.max(...ys)))];
-  extents.set(scene.floor, whole);
-  return whole;
+  const xs = points.map((point) => point[0]), ys = points.map((point) => point[1]);
+  const now = [down(Math.min(...xs)), down(Math.min(...ys)), -down(-Math.max(...xs)), -down(-Math.max(...ys))], before = extents.get(scene.floor) ?? now;
+  const whole = now.map((value, side) => (side < 2 ? Math.min : Math.max)(value, before[side]));
+  extents.set(scene.floor, camera.mostM.every((most, axis) => whole[axis + 2] - whole[axis] <= most) ? whole : now);
+  return extents.get(scene.floor);
 }
 
-// All points, or, if no map shows them at once, those around the middle one: a robot that says it is far away, as in millimetres, puts
-// nobody out of sight.
-function together(points) {
+// All points, or, if no map shows them at once, those around the middle, or around `first()` if none is there: a robot that says it is far
+// away, as in millimetres, puts nobody out of sight.
+function together(points, first) {
   const axes = [0, 1].map((axis) => points.map((point) => point[axis])), most = camera.mostM;
   if (axes.every((values, axis) => Math.max(...values) - Math.min(...values) <= most[axis])) return points;
   const middle = axes.map((values) => values.sort((a, b) => a - b)[values.length >> 1]);
-  return points.filter((point) => middle.every((value, axis) => Math.abs(point[axis] - value) <= most[axis] / 2));
+  const around = (place) => points.filter((point) => place.every((value, axis) => Math.abs(point[axis] - value) <= most[axis] / 2));
+  const seen = around(middle);
+  return seen.length ? seen : around(first());
 }
 
 // To whole steps, so that the map stands still while robots drive.

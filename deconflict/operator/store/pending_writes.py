@@ -1,6 +1,7 @@
 """Revisions that are numbered and published but not on disk yet. A disk that fails or stalls delays no advisory."""
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterable, Sequence
 
 from deconflict_client.advisory import AdvisoryState
@@ -13,6 +14,8 @@ LOOK_BACK_S = 3600.0
 
 WAIT_S = 0.5
 """How long the first call of `DiskWork.do` waits for the disk."""
+
+log = logging.getLogger(__name__)
 
 PendingWrites = Sequence[AnyRevision]
 """Ascending by number."""
@@ -57,4 +60,15 @@ class DiskWork:
     async def _do(self) -> None:
         while self._is_due:
             self._is_due = False
-            await asyncio.to_thread(self._work)
+            try:
+                await asyncio.to_thread(self._work)
+            except Exception:
+                log.exception("a file can't be written, by a fault of the program")
+
+    async def settled(self, within_s: float) -> None:
+        """Wait until all is done, or so long. Logs what is not."""
+        if self._doing is None:
+            return
+        _, undone = await asyncio.wait({self._doing}, timeout=within_s)
+        if undone:
+            log.error("the disk does not answer within %g s: what was to be written last may be lost", within_s)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from playwright.async_api import Browser, Page
 
 ROBOTS, TICK_S = 12, 0.2
+Place = tuple[float, float]
+"""x and y in metres."""
 CARDS = "[...document.querySelectorAll('#situations > li:not([hidden])')]"
 
 
@@ -31,13 +33,15 @@ def name(i: int) -> str:
 
 
 @asynccontextmanager
-async def ticking(face: Served, others: Mapping[str, float] = MappingProxyType({})) -> AsyncIterator[None]:
-    """Robots that stand in a row, 2 m apart, and report at each tick. So do `others`, by name at an x in metres."""
+async def ticking(
+    face: Served, others: Mapping[str, Place] = MappingProxyType({}), row: int = ROBOTS
+) -> AsyncIterator[None]:
+    """Robots that stand in a row, 2 m apart, and report at each tick. So do `others`, by name."""
     fleet = fleet_of(Site(), Measures())
 
     async def tick() -> None:
         while True:
-            report(fleet, time.time(), others)
+            report(fleet, time.time(), row, others)
             face.sources.whole = fleet.snapshot(time.time())
             face.sources.recent.add(time.time(), fleet.next_batch(time.time()).to_bytes())
             await asyncio.sleep(TICK_S)
@@ -49,9 +53,9 @@ async def ticking(face: Served, others: Mapping[str, float] = MappingProxyType({
         task.cancel()
 
 
-def report(fleet: Fleet, now_s: float, others: Mapping[str, float]) -> None:
-    for robot_name, x_m in ({f"A-{i}": 2.0 * i for i in range(ROBOTS)} | {**others}).items():
-        fleet.receive(status(robot_name, now_s, x_m, 0.0), now_s, Connection(1))
+def report(fleet: Fleet, now_s: float, row: int, others: Mapping[str, Place]) -> None:
+    for robot_name, (x_m, y_m) in ({f"A-{i}": (2.0 * i, 0.0) for i in range(row)} | {**others}).items():
+        fleet.receive(status(robot_name, now_s, x_m, y_m), now_s, Connection(1))
 
 
 @asynccontextmanager

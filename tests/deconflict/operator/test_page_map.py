@@ -11,7 +11,18 @@ from deconflict.settings.shared_places import NamedArea
 from deconflict_client.advisory import Severity
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.http.served_face import HEARD, Served, served
-from tests.deconflict.operator.opened_page import CARDS, ROBOTS, cleared, name, opened, shown, text, ticking, until
+from tests.deconflict.operator.opened_page import (
+    CARDS,
+    ROBOTS,
+    Place,
+    cleared,
+    name,
+    opened,
+    shown,
+    text,
+    ticking,
+    until,
+)
 from tests.helpers.saying import HALL, robot
 
 if TYPE_CHECKING:
@@ -363,23 +374,51 @@ async def test_ground_to_keep_clear_is_hatched_and_in_the_legend(browser: "Brows
         assert (await page.locator("#keep-clear").inner_text()).strip() == "Keep clear: advice sends no robot there"
 
 
+COUNT_SEEN = """import(new URL("page/map/floor_map.js", location)).then(({ FloorMap }) => {
+    const { draw } = FloorMap.prototype;
+    FloorMap.prototype.draw = function (scene) {
+        const seen = draw.call(this, scene), far = scene.robots.find((robot) => robot.x > 1000);
+        window.seen = `${seen} of ${scene.robots.length} at ${this.camera.scale.toFixed(3)}, far: ${Boolean(far)}`;
+    };
+})"""
+FAR = {"A-far": (12_000.0, 8_000.0)}
+NEAR = {f"A-{i}": (10.0 + 2.0 * i, 20.0) for i in range(4)}
+
+
 async def test_a_robot_that_says_it_is_far_away_puts_nobody_out_of_sight(browser: "Browser", tmp_path: Path) -> None:
     """As one that sends millimetres: no map shows it and the others at once."""
-    count_seen = """import(new URL("page/map/floor_map.js", location)).then(({ FloorMap }) => {
-        const { draw } = FloorMap.prototype;
-        FloorMap.prototype.draw = function (scene) {
-            const seen = draw.call(this, scene), far = scene.robots.find((robot) => robot.x > 1000);
-            window.seen = `${seen} of ${scene.robots.length} at ${this.camera.scale.toFixed(3)}, far: ${Boolean(far)}`;
-        };
-    })"""
-    others: dict[str, float] = {}
+    others: dict[str, Place] = {}
     async with served(tmp_path) as face, ticking(face, others), opened(browser, face) as page:
-        await page.evaluate(count_seen)
+        await page.evaluate(COUNT_SEEN)
         await until(page, f"window.seen?.startsWith('{ROBOTS} of {ROBOTS}')")
         before = await page.evaluate("window.seen")
-        others["A-mm"] = 12_000.0
+        others["A-mm"] = (12_000.0, 0.0)
         with_it = before.replace(f"of {ROBOTS}", f"of {ROBOTS + 1}").replace("false", "true")
         await until(page, f"window.seen === '{with_it}'")
         await page.press("#map", "0")
         await after_pictures(page)
         assert await page.evaluate("window.seen") == with_it
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        pytest.param([(FAR, "1 of 1"), (NEAR, "4 of 5")], id="it is heard first"),
+        pytest.param(
+            [({"A-far": (10.0, 20.0)}, "1 of 1"), (FAR, "1 of 1"), ({"A-far": (10.0, 20.0)}, "1 of 1")],
+            id="it comes back",
+        ),
+        pytest.param([({"A-0": (100.0, 200.0), "A-far": (12_000.0, -8_000.0)}, "1 of 2")], id="one of two"),
+    ],
+)
+async def test_somebody_is_in_sight_wherever_robots_say_they_are(
+    browser: "Browser", tmp_path: Path, steps: list[tuple[dict[str, Place], str]]
+) -> None:
+    """And as many as a map can show, though nobody asks for the whole floor again."""
+    others: dict[str, Place] = {}
+    async with served(tmp_path) as face, ticking(face, others, row=0), opened(browser, face) as page:
+        await page.evaluate(COUNT_SEEN)
+        for places, seen in steps:
+            others |= places
+            is_far = str(any(x_m > 1000.0 for x_m, _ in others.values())).lower()
+            await until(page, f"/^{seen} at .*far: {is_far}$/.test(window.seen)")

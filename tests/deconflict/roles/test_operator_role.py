@@ -4,6 +4,7 @@ import asyncio
 import gc
 import json
 import sqlite3
+import threading
 import time
 import tracemalloc
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -16,9 +17,12 @@ import pytest
 from pydantic_core import to_json
 
 from deconflict.advisories.situations.situation_lifecycle import SituationLifecycle
-from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS
+from deconflict.operator.blackbox.archive import FOLDER
+from deconflict.operator.blackbox.blackbox_request import NearPair
+from deconflict.operator.blackbox.keeper import PENDING, SNAPSHOTS, Keeper
 from deconflict.operator.ledger.loss_ledger import FILE_NAME as LOSSES
 from deconflict.operator.ledger.loss_ledger import LossLedger
+from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
 from deconflict.roles.operator_role import OperatorRole
@@ -29,9 +33,10 @@ from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.outlet_settings import Webhook
 from deconflict.settings.shared_places import NamedArea
-from deconflict.settings.site import LossSettings, Operator, Person, Site, StoreSettings
+from deconflict.settings.site import BlackBox, LossSettings, Operator, Person, Site, StoreSettings
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation, situations_of
+from ingest.recording import replaced_file
 from ingest.recording.clock_notes import DAY_S
 from ingest.settings import Datum, Tls
 from metrics.monitoring.exposition import render
@@ -42,6 +47,7 @@ from tests.deconflict.operator.outlets.made_outlets import SECRET, heard, hearin
 from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.made_clock import put_notes
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import HALL
 
@@ -173,7 +179,7 @@ async def tell(engine: AsyncCaller, numbers: range) -> None:
         advisories = [make(number) for number in range(first, first + EACH) for make in (made, cleared)]
         await engine.call("publish", packed_parcel({"passes_s": [float(first)]}, map(to_json, advisories)))
     for number in range(SNAPSHOTS + 1):
-        await engine.call("learn", packed({"tick": {"now_s": float(number)}}))
+        await engine.call("learn", learned(number))
 
 
 async def test_a_role_starts_and_sends_whatever_has_become_of_secrets_and_certificates(tmp_path: Path) -> None:
@@ -203,11 +209,90 @@ async def test_a_stuck_disk_holds_up_no_advisory_beside_a_near_miss_nor_what_is_
             with stuck(disk):
                 for number in range(2, 12):
                     await publish_beside_a_near_miss(engine, number)
-                    assert await engine.call("learn", packed({"tick": {"now_s": float(number)}}))
+                    assert await engine.call("learn", learned(number))
             async with http_client() as client:
                 listed = (await client.get(f"http://127.0.0.1:{role.port}/advisories")).json()
         assert len(listed["advisories"]) == 11
         assert len(json.loads((disk / "data" / "blackbox" / PENDING).read_text())) == 11
+
+
+def test_what_waits_for_a_slow_disk_is_written_before_the_role_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each file has a second write that waits for the first one."""
+    write, goes_on = replaced_file.replace_file, threading.Event()
+
+    def slow(path: Path, data: bytes) -> None:
+        assert goes_on.wait(PATIENCE_S)
+        write(path, data)
+
+    for user in ("blackbox.keeper", "store.learned_file"):
+        monkeypatch.setattr(f"deconflict.operator.{user}.replace_file", slow)
+
+    async def serve() -> None:
+        async with serving(tmp_path) as (_, engine):
+            for number in (1, 2):
+                await publish_beside_a_near_miss(engine, number)
+                assert await engine.call("learn", learned(number))
+            asyncio.get_running_loop().call_later(0.5, goes_on.set)
+
+    asyncio.run(serve())  # its end cancels what still runs, as the end of the process does
+    assert len(json.loads((tmp_path / FOLDER / PENDING).read_text())) == 2
+    assert (tmp_path / LEARNED).read_bytes() == learned(2)
+
+
+async def test_a_near_miss_while_those_of_before_are_read_replaces_none_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, is_published, pending = Keeper._read_pending, threading.Event(), tmp_path / FOLDER / PENDING
+    pending.parent.mkdir()
+    pending.write_text(json.dumps([["before", "b", time.time()]]))
+
+    def slow(self: Keeper) -> list[NearPair]:
+        pairs = read(self)
+        assert is_published.wait(PATIENCE_S)
+        return pairs
+
+    def kept() -> list[str]:
+        return [a for a, *_ in json.loads(pending.read_text())]
+
+    monkeypatch.setattr(Keeper, "_read_pending", slow)
+    async with serving(tmp_path) as (_, engine):
+        await publish_beside_a_near_miss(engine, 1)
+        assert kept() == ["before"], "a kill loses none of before"
+        is_published.set()
+        await until(lambda: len(kept()) == 2)
+    assert kept() == ["a1", "before"]
+
+
+async def test_no_two_writes_of_the_pending_near_misses_overlap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first waits for the disk until its near miss has had its black box."""
+    write, goes_on, writing, most = Keeper.write_pending, threading.Event(), list[int](), list[int]()
+
+    def slow(self: Keeper) -> None:
+        writing.append(1)
+        most.append(len(writing))
+        if self._pending:
+            assert goes_on.wait(PATIENCE_S)
+        write(self)
+        writing.pop()
+
+    monkeypatch.setattr(Keeper, "write_pending", slow)
+    monkeypatch.setattr("deconflict.operator.blackbox.keeper.LATEST_S", 0.0)
+    async with serving(tmp_path, blackbox=BlackBox(before_s=1.0, after_s=1.0)) as (role, engine):
+        await publish_beside_a_near_miss(engine, 1)
+        await until(lambda: bool(writing))
+        await until(lambda: not role._keeper._pending)
+        await asyncio.to_thread(most.count, 1)
+        goes_on.set()
+    assert max(most) == 1
+    assert not (tmp_path / FOLDER / PENDING).exists()
+
+
+def learned(at_s: float) -> bytes:
+    return packed({"tick": {"now_s": float(at_s)}})
 
 
 async def publish_beside_a_near_miss(engine: AsyncCaller, number: int) -> None:
