@@ -19,7 +19,7 @@ from ingest.settings import Datum
 from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
-from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
+from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda, visualization
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
@@ -746,6 +746,31 @@ def test_a_robot_whose_clock_stands_is_where_it_says_when_its_messages_arrive(ke
     made = of.robots[robot("A")]
     assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0)
     assert made.deviations["stamp-unchanged"] >= 8
+
+
+def test_a_robot_whose_clock_stands_is_heard_when_it_parks_and_repeats_itself() -> None:
+    of = hall()
+    for second in range(30):
+        x, mps = float(min(second, 20)), 1.0 if second < 20 else 0.0
+        raw = status("A", NOW_S, x, velocity={"linear": mps})
+        of.receive(raw, NOW_S + second, LINE)
+        assert (of.robots[robot("A")].arrival_s, at(of.robots[robot("A")].forecast, 0.0)[0]) == (NOW_S + second, x)
+    assert "stamp-not-increasing" not in of.robots[robot("A")].deviations
+
+
+@pytest.mark.parametrize("every_s", [0.01, 0.5])
+def test_messages_that_were_held_up_count_from_when_they_were_sent_though_two_have_one_stamp(every_s: float) -> None:
+    of = hall()
+    of.receive(order(NOW_S, FAR), NOW_S, line("order"))
+    for second in range(30):
+        t_s, keys = NOW_S + second, {"velocity": {"vx": 1.5, "vy": 0.0, "omega": 0.0}, "headerId": second}
+        arrival_s = t_s if second < 10 else NOW_S + 18 + every_s * (second - 10)
+        of.receive(under_way(t_s, 1.5 * second, 0.0, FAR[1:], **keys), arrival_s, line("state"))
+        of.receive(visualization(t_s, 1.5 * second, 0.0, **keys), arrival_s, line("visualization"))
+        (made,) = of.robots.values()
+        assert made.seen
+        assert (made.seen.t_s, made.seen.x_m) == (min(t_s, arrival_s), 1.5 * second)
+    assert "stamp-unchanged" not in made.deviations
 
 
 def test_a_status_that_is_sent_again_stays_as_old_as_it_is() -> None:
