@@ -706,6 +706,21 @@ def test_a_robot_that_slows_down_for_a_planned_wait_keeps_the_times_of_its_path(
     assert "path-retimed" not in made.deviations
 
 
+@pytest.mark.parametrize("every_s", [0.25, 0.5, 1.0])
+def test_a_robot_that_brakes_by_its_path_for_a_planned_wait_is_not_foreseen_to_drive_on(every_s: float) -> None:
+    of, stop_m = hall(), 17.25
+    for count in range(round(14 / every_s) + 1):
+        after_s = every_s * count
+        braked_s = min(max(after_s - 10.0, 0.0), 3.0)
+        x, mps = 1.5 * (min(after_s, 10.0) + braked_s) - 0.25 * braked_s**2, 1.5 - 0.5 * braked_s
+        marks = [(NOW_S + 2.0 * m, 3.0 * m, 0.0, 0.0) for m in range(1, 6) if 2.0 * m > after_s]
+        path = points(*marks, *((NOW_S + s, stop_m + 1.5 * (s - 30), 0.0, 0.0) for s in (30.5, 32.0, 34.0)))
+        of.receive(status("A", NOW_S + after_s, x, velocity={"linear": mps}, path=path), NOW_S + after_s, LINE)
+        made = of.robots[robot("A")]
+        assert after_s < 10.0 or at(made.forecast, NOW_S + after_s + 8)[0] < stop_m + 1.0
+    assert "path-retimed" not in made.deviations
+
+
 @pytest.mark.parametrize("every_s", [8.0, 12.0, 30.0])
 def test_a_path_that_is_over_soon_after_the_next_report_goes_on(every_s: float) -> None:
     def path(t_s: float) -> dict[str, Any]:
