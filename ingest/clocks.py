@@ -73,8 +73,8 @@ class SenderClock:
         "_step_stamp_s",
         "_tolerance_s",
         "delay_s",
-        "is_same_stamp",
         "offset_s",
+        "since_s",
         "stamp_s",
     )
 
@@ -92,10 +92,8 @@ class SenderClock:
         """The sender's stamps plus this are service time."""
         self.delay_s = 0.0
         """The delay of the newest message."""
-        self.stamp_s = nan
-        """Its stamp."""
-        self.is_same_stamp = False
-        """Whether that is also the stamp of the message before."""
+        self.stamp_s = self.since_s = nan
+        """Its stamp, and when the first message of those in a row with that stamp arrived."""
 
     def event_time(self, stamp_s: float, arrival_s: float, resolution_s: float) -> float:
         """Update the estimate with a message. Returns its stamp in service time, never after its arrival.
@@ -104,7 +102,8 @@ class SenderClock:
         time that the stamp may mean.
         """
         gap_s = arrival_s - stamp_s
-        self.is_same_stamp, self.stamp_s, self._resolution_s = stamp_s == self.stamp_s, stamp_s, resolution_s
+        self.since_s = self.since_s if stamp_s == self.stamp_s else arrival_s
+        self.stamp_s, self._resolution_s = stamp_s, resolution_s
         if not abs(gap_s - self._newest_s) > STEP_S + resolution_s or self._confirms(gap_s, stamp_s):
             self._add(gap_s)
         offset_s = self.offset_s

@@ -108,7 +108,8 @@ class Fleet:
         connection = self.owners.with_vendor(connection, sender)
         known = self.robots.get(sender.uuid) if sender else None
         before = known.memory if known and known.language == connection.language else None
-        message, memory = front_end.read(raw, connection.topic, before, self.owners.names_as_uuid(connection))
+        named = self.owners.names_as_uuid(connection)
+        message, memory = front_end.read(raw, connection.topic, before, named, arrival_s)
         return self._take_in(message, raw, arrival_s, connection, memory, sender)[0]
 
     def _take_in(

@@ -72,17 +72,18 @@ class Placement:
     ) -> tuple[float, tuple[str, ...]]:
         """When the pose of a status was true, by the sender's corrected clock, and the deviations.
 
-        A status without a stamp has no resolution of it either, and counts from its arrival. So does another one with
-        the stamp of the last, once that is stale: the clock stands.
+        A status without a stamp has no resolution of it either, and counts from its arrival. So does another one than
+        the last if its stamp has come for longer than `STALE_S`: the clock stands. The same one is not older than that.
         """
         findings: tuple[str, ...] = () if robot.identity else ("identity-missing",)
         resolution_s, clock = status.stamp_resolution_s, robot.clock
         if isinf(resolution_s):
             return arrival_s, findings
         event_s = clock.event_time(status.stamp_s, arrival_s, resolution_s)
-        is_stale = clock.delay_s > plausibility.STALE_S + resolution_s
-        if is_stale and clock.is_same_stamp and raw != robot.status_raw:
-            return arrival_s, (*findings, "stamp-unchanged")
+        if arrival_s - clock.since_s > plausibility.STALE_S + resolution_s:
+            if raw != robot.status_raw:
+                return arrival_s, (*findings, "stamp-unchanged")
+            event_s = max(event_s, robot.seen.t_s) if robot.seen else event_s
         return event_s, findings + plausibility.clock(robot.clock, self._reading.clock_tolerance_s, resolution_s)
 
     def rejection(self, status: Status, vendor: str) -> Rejection | None:

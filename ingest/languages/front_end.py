@@ -1,11 +1,12 @@
 """What every language offers: bytes in; an identity, a status, an update or a rejection out.
 
 A front end is pure: it has no socket, file or clock, and nothing that a sender sends raises an error. What it must keep
-of a robot between two messages is the robot's memory, which the caller holds. So the same messages in the same order
-give the same results, live and from a recording.
+of a robot between two messages is the robot's memory, which the caller holds. So the same messages in the same order,
+with the same arrivals, give the same results, live and from a recording.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from math import nan
 from typing import Any, NamedTuple, Protocol
 
 from ingest.languages.model import Message, Rejection, Status, rejection_of
@@ -47,11 +48,13 @@ class FrontEnd(Protocol):
     def sender(self, topic: str) -> TopicSender | None:
         """The robot of a topic. None if the topic names none, since the message does."""
 
-    def read(self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None) -> tuple[Message, Any]:
+    def read(
+        self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None, arrival_s: float = nan
+    ) -> tuple[Message, Any]:
         """What a message says, and the robot's memory after it.
 
         `memory` is the one after the robot's last message, None before the first. `names_as_uuid` is the vendor whose
-        robots may send a name instead of a UUID.
+        robots may send a name instead of a UUID. The arrival is nan if it is not known.
         """
 
     def status(self, raw: bytes, memory: Any, names_as_uuid: str | None) -> Status | None:
@@ -86,7 +89,7 @@ class TopicFrontEnd:
     """The memory of a robot before its first message."""
     parsed: "staticmethod[[str], Topic | None]"
     """What a topic says. None if it is not of the language's form."""
-    read_kind: "staticmethod[[bytes, Topic, Any, Findings], tuple[Message, Any]]"
+    read_kind: "staticmethod[[bytes, Topic, Any, Findings, float], tuple[Message, Any]]"
     """What `read` returns for a topic that is known. Raises `RejectedError` if it can't be understood."""
     status_of: "staticmethod[[str, Any, Findings], Status | None]"
     """The status of the robot with a UUID by its memory."""
@@ -99,13 +102,20 @@ class TopicFrontEnd:
         parsed = self.parsed(topic)
         return parsed.sender if parsed else None
 
-    def read(self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None) -> tuple[Message, Any]:  # noqa: ARG002
+    def read(
+        self,
+        raw: bytes,
+        topic: str,
+        memory: Any,
+        names_as_uuid: str | None,  # noqa: ARG002
+        arrival_s: float = nan,
+    ) -> tuple[Message, Any]:
         parsed, findings = self.parsed(topic), Findings()
         if parsed is None or parsed.kind not in self.kinds:
             reason = f"topic {topic[-80:]!r} is not {self.form}/ and one of {', '.join(self.kinds)}"
             return Rejection("topic-unknown", reason), memory
         try:
-            return self.read_kind(raw, parsed, memory or self.nothing, findings)
+            return self.read_kind(raw, parsed, memory or self.nothing, findings, arrival_s)
         except RejectedError as rejected:
             return rejection_of(rejected, parsed.sender.uuid, findings), memory
 

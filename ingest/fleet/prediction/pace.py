@@ -29,6 +29,8 @@ BOUNDED = 0.9
 LEAST_SHARE = 0.2
 """A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
 MOST_MODELS, MOST_KINDS = 1000, 12
+UNSLOWED = 0.9
+"""A robot that keeps this share of its speed does not brake."""
 FULL_TURN = 0.8
 """Of the turn rates between two reports, this part is too small, since the robot turned only some of the time."""
 TURN, CORNER, BEYOND = "turn", "corner", "beyond"
@@ -98,13 +100,21 @@ class Pace:
         """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
         self._beyond_path: tuple[Knot, float, float] | None = None
         """The end of a path, and the direction and the speed with which it was thought to go on there."""
+        self._observed_s = -inf
+        """When it was observed last."""
+        self._held_back: tuple[float, float] | None = None
+        """Since when the times of its path hold it back while it keeps its speed, and that; None if they do not now."""
+        self._was_held_back: tuple[float, float] | None = None
+        """The same at the sighting before."""
 
     def begin_anew(self) -> None:
         """It is at another place without having driven there."""
-        self._from = self._beyond_corner = self._beyond_path = None
+        self._from = self._beyond_corner = self._beyond_path = self._held_back = None
 
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
+        if now.t_s != self._observed_s:
+            self._observed_s, self._was_held_back, self._held_back = now.t_s, self._held_back, None
         before = self._from
         if before is None or before.floor != now.floor:
             self._from = now
@@ -133,6 +143,16 @@ class Pace:
     def usual(self, kind: Kind) -> float | None:
         """The speed of its model on ways of a kind. None if that is not known."""
         return _known(self.of_model.get(kind), kind)
+
+    def keeps_speed(self, here: Sighting) -> bool:
+        """Whether the robot, which the times of its path hold back at `here`, as already at the sighting before, has
+        not begun to brake since."""
+        mps = abs(here.linear_mps or 0.0)
+        since_s, most_mps = self._was_held_back or (here.t_s, mps)
+        if mps < UNSLOWED * most_mps:
+            since_s, most_mps = here.t_s, mps
+        self._held_back = since_s, max(mps, most_mps)
+        return here.t_s - since_s >= SPACED_S
 
     def expect_beyond_corner(self, x: float, y: float, t_s: float) -> None:
         """Compare with what is seen when the robot will be beyond a corner, unless it is observed at one already."""

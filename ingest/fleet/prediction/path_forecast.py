@@ -7,7 +7,7 @@ from math import atan2, hypot, inf, isfinite, isnan, pi
 from operator import itemgetter, lt
 
 from ingest.fleet.prediction.forecast_model import ForecastContext, Knot, RobotBody, Route, Sighting
-from ingest.fleet.prediction.pace import Paces, allowance
+from ingest.fleet.prediction.pace import Pace, Paces, allowance
 from ingest.fleet.prediction.paced_way import driven_s, paced
 from ingest.fleet.prediction.way_on import THERE_M
 from ingest.frames.angles import turn_between
@@ -50,7 +50,7 @@ def route_by_path(
     else:
         if not in_order:
             points, floors, in_order = _in_order(points, floors, here)
-        if not in_order or _is_of_another_drive(points, floors, here):
+        if not in_order or _is_of_another_drive(points, floors, here, paces.pace):
             begin = _next_point(points, here)
             points, floors = _retimed(points[begin:], here, context.body, paces), floors[begin:]
             findings.append("path-retimed")
@@ -123,14 +123,15 @@ def _in_order(points: list[Knot], floors: list[int], here: Sighting) -> tuple[li
     return points, floors, False
 
 
-def _is_of_another_drive(points: Sequence[Knot], floors: Sequence[int], here: Sighting) -> bool:
-    """Whether the times of points in order are not of how the robot drives: all are past, or one that drives would have
-    to lose more than `LATE_S` on its way to the next point."""
+def _is_of_another_drive(points: Sequence[Knot], floors: Sequence[int], here: Sighting, pace: Pace) -> bool:
+    """Whether the times of points in order are not of how the robot drives: all are past, or one that drives, twice in
+    a row and without braking, would have to lose more than `LATE_S` on its way to the next point."""
     following = next((row for row, point in enumerate(points) if point[0] > here.t_s), None)
     if following is None or floors[following] != here.floor or not (here.is_driving and here.linear_mps):
         return following is None
     t_s, x, y, _ = points[following]
-    return t_s - here.t_s > hypot(x - here.x_m, y - here.y_m) / abs(here.linear_mps) + LATE_S
+    is_held_back = t_s - here.t_s > hypot(x - here.x_m, y - here.y_m) / abs(here.linear_mps) + LATE_S
+    return is_held_back and pace.keeps_speed(here)
 
 
 def _next_point(points: Sequence[Knot], here: Sighting) -> int:

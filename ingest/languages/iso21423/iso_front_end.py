@@ -76,13 +76,15 @@ def _parsed_topic(topic: str) -> Topic | None:
     return Topic(TopicSender(uuid, "", ""), parts[-1])
 
 
-def _read(raw: bytes, topic: Topic, memory: IsoMemory, findings: Findings) -> tuple[Message, IsoMemory]:
+def _read(
+    raw: bytes, topic: Topic, memory: IsoMemory, findings: Findings, arrival_s: float
+) -> tuple[Message, IsoMemory]:
     resource = topic.kind
     message = _decoded(resource, raw, findings, is_first=resource not in memory.heard or resource in memory.respelt)
     if "key-spelling" in findings and resource not in memory.respelt:
         memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
-    heard, stamp, is_used = heard_after(memory.heard.get(resource), message, stamp, findings)
+    heard, stamp, is_used = heard_after(memory.heard.get(resource), message, stamp, findings, arrival_s)
     if heard:
         memory = replace(memory, heard=memory.heard | {resource: heard})
     if not is_used:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from math import nan
 from typing import Any
 
 from ingest.languages import timestamps
@@ -76,7 +77,14 @@ class MassRoboticsFrontEnd:
     def sender(self, topic: str) -> TopicSender | None:  # noqa: ARG002 - messages name their robots
         return None
 
-    def read(self, raw: bytes, topic: str, memory: Any, names_as_uuid: str | None) -> tuple[Message, Any]:  # noqa: ARG002
+    def read(
+        self,
+        raw: bytes,
+        topic: str,  # noqa: ARG002
+        memory: Any,  # noqa: ARG002
+        names_as_uuid: str | None,
+        arrival_s: float = nan,  # noqa: ARG002
+    ) -> tuple[Message, Any]:
         return parser.read(raw, names_as_uuid=names_as_uuid), None
 
     def status(self, raw: bytes, memory: Any, names_as_uuid: str | None) -> Status | None:  # noqa: ARG002

@@ -12,6 +12,10 @@ RESTARTED = 20
 """The same as `STEPPED_BACK` if their numbers are lower, too, as those of messages that a broker kept back are."""
 STEPPED_BACK = 3
 """After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
+RESTARTED_S = 5.0
+"""Messages with lower numbers have to come for so long."""
+SOONER_S = 1.0
+"""Messages that follow each other sooner than they were sent, by more than this, were kept back: no row goes on."""
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
@@ -25,8 +29,12 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     """Older messages that have come since, in a row of rising stamps."""
     older_s: float = nan
     """The stamp of the last one."""
+    since_s: float = nan
+    """When the first one arrived."""
+    late_s: float = nan
+    """That minus its stamp."""
 
-    def is_newer_than(self, later: "Heard") -> bool:
+    def is_newer_than(self, later: "Heard", arrival_s: float) -> bool:
         """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
 
         If it does not, or began to count anew, older messages in a row show it.
@@ -34,12 +42,17 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
         number, later_number = self.header_id or 0, later.header_id or 0
         if later.stamp_s >= self.stamp_s or later_number > number:
             return False
-        return self.after_older(later).older < (RESTARTED if later_number < number else STEPPED_BACK)
+        row = self.after_older(later, arrival_s)
+        if later_number == number:
+            return row.older < STEPPED_BACK
+        return row.older < RESTARTED or arrival_s - row.since_s < RESTARTED_S
 
-    def after_older(self, later: "Heard") -> "Heard":
+    def after_older(self, later: "Heard", arrival_s: float) -> "Heard":
         """What is kept of this message after an older one has come."""
-        older = self.older + 1 if later.stamp_s > self.older_s else 1
-        return msgspec.structs.replace(self, older=older, older_s=later.stamp_s)
+        older_s, late_s = later.stamp_s, arrival_s - later.stamp_s
+        if older_s > self.older_s and not late_s < self.late_s - SOONER_S:
+            return msgspec.structs.replace(self, older=self.older + 1, older_s=older_s)
+        return msgspec.structs.replace(self, older=1, older_s=older_s, since_s=arrival_s, late_s=late_s)
 
     def has_header_of(self, later: "Heard") -> bool:
         """Whether the header does not tell when a later one was sent, since it is not filled in."""
@@ -47,7 +60,12 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
 
 
 def heard_after(
-    last: Heard | None, message: Any, stamp: Stamp, findings: Findings, header_id: int | None = None
+    last: Heard | None,
+    message: Any,
+    stamp: Stamp,
+    findings: Findings,
+    arrival_s: float,
+    header_id: int | None = None,
 ) -> tuple[Heard | None, Stamp, bool]:
     """What is kept from now on, the stamp, and whether the message is used, which came after `last` of its topic.
 
@@ -60,9 +78,9 @@ def heard_after(
     if last and last.content_hash == heard.content_hash:
         findings["message-repeated"] = None
         return None, stamp, False
-    if last and last.is_newer_than(heard):
+    if last and last.is_newer_than(heard, arrival_s):
         findings["message-reordered"] = None
-        return last.after_older(heard), stamp, False
+        return last.after_older(heard, arrival_s), stamp, False
     if last and last.has_header_of(heard):
         findings.note("stamp-unchanged", "timestamp", message.timestamp, "as of its arrival")
         stamp = NO_STAMP

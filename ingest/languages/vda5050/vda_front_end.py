@@ -65,7 +65,9 @@ def _parsed_topic(topic: str) -> Topic | None:
     return Topic(TopicSender(uuid, manufacturer[:MAX_TEXT], serial[:MAX_TEXT]), kind)
 
 
-def _read(raw: bytes, topic: Topic, memory: VdaMemory, findings: Findings) -> tuple[Message, VdaMemory]:
+def _read(
+    raw: bytes, topic: Topic, memory: VdaMemory, findings: Findings, arrival_s: float
+) -> tuple[Message, VdaMemory]:
     kind = topic.kind
     is_first = kind not in memory.heard or kind in memory.respelt
     message = read_message(kind, raw, findings, memory.state, is_first=is_first)
@@ -75,7 +77,7 @@ def _read(raw: bytes, topic: Topic, memory: VdaMemory, findings: Findings) -> tu
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     last = None if _is_last_will(message) else memory.heard.get(kind)
-    heard, stamp, is_used = heard_after(last, message, stamp, findings, message.header_id)
+    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, message.header_id)
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
     if not is_used:
         return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory

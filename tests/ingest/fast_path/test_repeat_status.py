@@ -270,6 +270,30 @@ def test_a_pace_is_learned_of_paths_without_usable_times_only(repeats: list[bool
     assert any(repeats)
 
 
+def test_path_times_that_hold_back_a_robot_now_and_then_are_the_same_with_and_without_the_fast_path(
+    repeats: list[bool],
+) -> None:
+    messages: list[Sent] = []
+    for second in range(40):
+        t_s, late_s = NOW_S + second, 5.0 if second % 7 in (2, 4, 5, 6) else 0.0
+        way = points(*((t_s + late_s + s, float(second + s), 0.0, 0.0) for s in range(1, 21)))
+        messages.append((status("R", t_s, second, velocity={"linear": 1.0}, path=way), t_s, LINES[0]))
+    fast, slow = (results(messages, fast=is_fast) for is_fast in (True, False))
+    assert fast == slow
+    assert 0 < sum(repeats) < len(repeats)
+    assert fast[1][0]["deviations"]["path-retimed"] == 10
+
+
+def test_a_clock_that_stands_is_the_same_with_and_without_the_fast_path(repeats: list[bool]) -> None:
+    messages: list[Sent] = []
+    for second in range(40):
+        x, mps = float(min(second, 20)), 1.0 if second < 20 else 0.0
+        raw = status("R", NOW_S, x, velocity={"linear": mps})
+        messages.append((raw, NOW_S + second, LINES[0]))
+    assert results(messages, fast=True) == results(messages, fast=False)
+    assert any(repeats)
+
+
 def calls_of_a_status(every_s: float) -> int:
     """Calls to read the last of three statuses of a robot that drives straight on."""
     receiving_fleet, calls = fleet(), 0

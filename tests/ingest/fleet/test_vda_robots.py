@@ -9,6 +9,8 @@ from ingest.batch import Basis
 from ingest.fleet import fleet_report
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.robot import Robot
+from ingest.languages.tolerance.heard import RESTARTED, RESTARTED_S
+from ingest.languages.vda5050.vda_memory import VdaMemory
 from ingest.settings import Datum, Vendor
 from tests.helpers.saying import HALL, status
 from tests.helpers.vda_saying import (
@@ -232,6 +234,37 @@ def test_a_robot_is_placed_after_one_stamp_too_far_ahead() -> None:
     (robot,) = of.robots.values()
     assert robot.seen is not None
     assert (robot.seen.x_m, robot.seen.t_s) == (5.0, NOW_S + 5)
+
+
+@pytest.mark.parametrize("every_s", [0.0, 0.001, 0.2, 0.5])
+def test_old_messages_that_a_second_broker_kept_back_are_no_restart(every_s: float) -> None:
+    of, old = floor_of(), [node(0, 0.0), node(1, 0.0, 50.0)]
+    tell(of, "order", order(NOW_S, NODES, orderId="new", headerId=500), NOW_S)
+    tell(of, "state", under_way(NOW_S, 0.0, 0.0, NODES[1:], orderId="new", headerId=1000), NOW_S)
+    for count in range(40):
+        arrival_s, sent_s = NOW_S + 0.5 + every_s * count, NOW_S - 100 + count
+        tell(of, "order", order(sent_s, old, orderId=f"old {count}", headerId=400 + count), arrival_s)
+        tell(of, "state", under_way(sent_s, -50.0, 0.0, old[1:], orderId="old", headerId=900 + count), arrival_s)
+    (robot,) = of.robots.values()
+    assert isinstance(robot.memory, VdaMemory)
+    assert robot.memory.state is not None
+    assert (robot.memory.state.order_id, [each.order_id for each in robot.memory.orders]) == ("new", ["new"])
+    assert robot.deviations["message-reordered"] == 80
+
+
+@pytest.mark.parametrize(("every_s", "after"), [(0.125, 1 + int(RESTARTED_S / 0.125)), (1.0, RESTARTED)])
+def test_a_robot_that_counts_anew_with_an_older_clock_is_heard_once_it_has_sent_for_a_while(
+    every_s: float, after: int
+) -> None:
+    of, is_heard = floor_of(), []
+    tell(of, "state", state(NOW_S, 0.0, headerId=5000), NOW_S)
+    (robot,) = of.robots.values()
+    for count in range(1, 61):
+        raw = state(NOW_S - 3600 + every_s * count, 1.0 * count, headerId=count)
+        tell(of, "state", raw, NOW_S + every_s * count)
+        assert isinstance(robot.memory, VdaMemory)
+        is_heard.append(robot.memory.heard["state"].header_id == count)
+    assert is_heard == [count >= after for count in range(1, 61)]
 
 
 @pytest.mark.parametrize("counts", [0, 1])

@@ -19,7 +19,7 @@ from ingest.settings import Datum
 from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
-from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda
+from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda, visualization
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
@@ -706,6 +706,21 @@ def test_a_robot_that_slows_down_for_a_planned_wait_keeps_the_times_of_its_path(
     assert "path-retimed" not in made.deviations
 
 
+@pytest.mark.parametrize("every_s", [0.25, 0.5, 1.0])
+def test_a_robot_that_brakes_by_its_path_for_a_planned_wait_is_not_foreseen_to_drive_on(every_s: float) -> None:
+    of, stop_m = hall(), 17.25
+    for count in range(round(14 / every_s) + 1):
+        after_s = every_s * count
+        braked_s = min(max(after_s - 10.0, 0.0), 3.0)
+        x, mps = 1.5 * (min(after_s, 10.0) + braked_s) - 0.25 * braked_s**2, 1.5 - 0.5 * braked_s
+        marks = [(NOW_S + 2.0 * m, 3.0 * m, 0.0, 0.0) for m in range(1, 6) if 2.0 * m > after_s]
+        path = points(*marks, *((NOW_S + s, stop_m + 1.5 * (s - 30), 0.0, 0.0) for s in (30.5, 32.0, 34.0)))
+        of.receive(status("A", NOW_S + after_s, x, velocity={"linear": mps}, path=path), NOW_S + after_s, LINE)
+        made = of.robots[robot("A")]
+        assert after_s < 10.0 or at(made.forecast, NOW_S + after_s + 8)[0] < stop_m + 1.0
+    assert "path-retimed" not in made.deviations
+
+
 @pytest.mark.parametrize("every_s", [8.0, 12.0, 30.0])
 def test_a_path_that_is_over_soon_after_the_next_report_goes_on(every_s: float) -> None:
     def path(t_s: float) -> dict[str, Any]:
@@ -746,6 +761,31 @@ def test_a_robot_whose_clock_stands_is_where_it_says_when_its_messages_arrive(ke
     made = of.robots[robot("A")]
     assert at(made.forecast, NOW_S + 20)[0] == pytest.approx(20.0)
     assert made.deviations["stamp-unchanged"] >= 8
+
+
+def test_a_robot_whose_clock_stands_is_heard_when_it_parks_and_repeats_itself() -> None:
+    of = hall()
+    for second in range(30):
+        x, mps = float(min(second, 20)), 1.0 if second < 20 else 0.0
+        raw = status("A", NOW_S, x, velocity={"linear": mps})
+        of.receive(raw, NOW_S + second, LINE)
+        assert (of.robots[robot("A")].arrival_s, at(of.robots[robot("A")].forecast, 0.0)[0]) == (NOW_S + second, x)
+    assert "stamp-not-increasing" not in of.robots[robot("A")].deviations
+
+
+@pytest.mark.parametrize("every_s", [0.01, 0.5])
+def test_messages_that_were_held_up_count_from_when_they_were_sent_though_two_have_one_stamp(every_s: float) -> None:
+    of = hall()
+    of.receive(order(NOW_S, FAR), NOW_S, line("order"))
+    for second in range(30):
+        t_s, keys = NOW_S + second, {"velocity": {"vx": 1.5, "vy": 0.0, "omega": 0.0}, "headerId": second}
+        arrival_s = t_s if second < 10 else NOW_S + 18 + every_s * (second - 10)
+        of.receive(under_way(t_s, 1.5 * second, 0.0, FAR[1:], **keys), arrival_s, line("state"))
+        of.receive(visualization(t_s, 1.5 * second, 0.0, **keys), arrival_s, line("visualization"))
+        (made,) = of.robots.values()
+        assert made.seen
+        assert (made.seen.t_s, made.seen.x_m) == (min(t_s, arrival_s), 1.5 * second)
+    assert "stamp-unchanged" not in made.deviations
 
 
 def test_a_status_that_is_sent_again_stays_as_old_as_it_is() -> None:
