@@ -154,15 +154,21 @@ _heights_overlap = inner(heights_overlap)
 
 
 @inner
-def _delay_by_earlier(row: int, first: int, until_s: Floats, bottom_m: Floats, top_m: Floats, free_s: Floats) -> None:
-    """Delay `free_s`, when each unit of a place's capacity is free for `row`, by the rows from `first` to it.
+def _free_beside_s(
+    row: int, first: int, capacity: int, until_s: Floats, bottom_m: Floats, top_m: Floats, now_s: float
+) -> float:
+    """When a place is free for `row` beside the rows from `first` to it.
 
     Robots that pass above or below it take no room from it; the others take it until `until_s`.
     """
+    beside_s, count = np.empty(row - first), 0
     for before in range(first, row):
         if _heights_overlap(bottom_m[before], top_m[before], bottom_m[row], top_m[row]):
-            soonest = np.argmin(free_s)
-            free_s[soonest] = max(free_s[soonest], until_s[before])
+            beside_s[count] = until_s[before]
+            count += 1
+    if count < capacity:
+        return now_s
+    return max(now_s, np.partition(beside_s[:count], count - capacity)[count - capacity])
 
 
 @kernel((READ_INTS, READ_BOOLS, *[READ_FLOATS] * 4, READ_INTS, READ_FLOATS, FLOAT))
@@ -190,11 +196,11 @@ def _serve(
         one_height = bottom_m[first:last].max() <= top_m[first:last].min()
         free_s = np.full(min(capacity[place], last - first), now_s)
         for row in range(first, last):
-            if not one_height:
-                free_s[:] = now_s
-                _delay_by_earlier(row, first, until_s, bottom_m, top_m, free_s)
             soonest = np.argmin(free_s)
-            begin_s[row] = max(free_s[soonest], arrival_s[row]) if coming[row] else arrival_s[row]
+            free_at_s = free_s[soonest]
+            if not one_height:
+                free_at_s = _free_beside_s(row, first, len(free_s), until_s, bottom_m, top_m, now_s)
+            begin_s[row] = max(free_at_s, arrival_s[row]) if coming[row] else arrival_s[row]
             end_s[row] = (begin_s[row] if coming[row] else now_s) + service_s[row]
             until_s[row] = end_s[row] + changeover_s[place]
             free_s[soonest] = max(free_s[soonest], until_s[row])
