@@ -58,12 +58,12 @@ class FrameRegistry:
     def __init__(self, datums: Sequence[Datum], vendors: Sequence[Vendor]) -> None:
         """Raises `FitError`, with vendor and datum, for readings to which nothing can be fitted."""
         by_id = {datum.id: datum for datum in datums}
-        self._datums = {_key(datum.id): _frame_of_datum(datum) for datum in datums}
+        self._datums = {datum.id: _frame_of_datum(datum) for datum in datums}
         self.floors = frozenset(by_id)
         """Ids of the floors of the site file."""
         self._in_degrees = frozenset(key for key, frame in self._datums.items() if frame.projection)
         self._maps = {
-            (vendor.name, _key(vendor_map.datum)): _frame_of_map(vendor, vendor_map, by_id[vendor_map.site_datum])
+            (vendor.name, vendor_map.datum): _frame_of_map(vendor, vendor_map, by_id[vendor_map.site_datum])
             for vendor in vendors
             for vendor_map in vendor.maps
         }

@@ -40,8 +40,10 @@ SETTLED_S = 20.0
 
 
 class _Bodies(NamedTuple):
-    """All robots, as in `RecentReports.places`."""
+    """All robots, as in `RecentReports.places`; by slot half sides and levels as in `InteractionFinder.receive`."""
 
+    half_m: Floats
+    levels_m: Floats
     known: Ints
     place: Floats
     speed_mps: Floats
@@ -51,10 +53,11 @@ class _Bodies(NamedTuple):
     """Their places."""
 
     @classmethod
-    def of(cls, places: tuple[Ints, Floats, Floats], half_m: Floats) -> Self:
+    def of(cls, places: tuple[Ints, Floats, Floats], half_m: Floats, levels_m: Floats) -> Self:
         known, place, speed_mps = places
         tree = shapely.STRtree(shapely.points(place[:, :2]))
-        return cls(known, place, np.minimum(speed_mps, FASTEST_MPS), np.hypot(*half_m[:, known]), tree)
+        radius_m = np.hypot(*half_m[:, known])
+        return cls(half_m, levels_m, known, place, np.minimum(speed_mps, FASTEST_MPS), radius_m, tree)
 
     def within(self, own: int, reach_m: float, for_s: float) -> tuple[Ints, Floats]:
         """(n,) the rows of the others, ascending, whose bodies may have been within a distance of that of the row `own`
@@ -177,8 +180,8 @@ class InteractionFinder:
         heard_s = dict(zip(slots.tolist(), reports.event_s.tolist(), strict=True))
         unsettled = [slot for slot in heard_s if slot in self._open and not self._open[slot].settled]
         if unsettled:
-            bodies, of_slot = _Bodies.of(self.recent.places(), half_m), (half_m, levels_m, vendor)
-            found += [self._update_open(slot, self._open[slot], heard_s[slot], bodies, *of_slot) for slot in unsettled]
+            bodies = _Bodies.of(self.recent.places(), half_m, levels_m)
+            found += [self._update_open(slot, self._open[slot], heard_s[slot], bodies, vendor) for slot in unsettled]
         return [interaction for interaction in found if interaction is not None]
 
     def giving_way(self) -> dict[int, int]:
@@ -195,18 +198,11 @@ class InteractionFinder:
         self._open[slot] = _OpenInteraction(onset_s, doubt_s, float(finding["speed_mps"]), swerved, way, floor)
 
     def _update_open(
-        self,
-        slot: int,
-        interaction: _OpenInteraction,
-        now_s: float,
-        bodies: _Bodies,
-        half_m: Floats,
-        levels_m: Floats,
-        vendor: Ints,
+        self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies, vendor: Ints
     ) -> Interaction | None:
         """Look for the robot in the way of one that gives way. None if nothing is new."""
         if interaction.other < 0:
-            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, bodies, half_m, levels_m)
+            interaction.other, interaction.gap_m = self._in_the_way(slot, interaction, now_s, bodies)
             if interaction.other < 0:
                 interaction.settled = now_s > interaction.onset_s + interaction.doubt_s + SEARCHED_S
                 return None
@@ -241,15 +237,7 @@ class InteractionFinder:
         back, ended_s = self._open.get(interaction.other), self._ended_s.get(_pair(slot, interaction.other), -inf)
         return ended_s >= interaction.onset_s - APART_S or (back is not None and back.other == slot)
 
-    def _in_the_way(
-        self,
-        slot: int,
-        interaction: _OpenInteraction,
-        now_s: float,
-        bodies: _Bodies,
-        half_m: Floats,
-        levels_m: Floats,
-    ) -> tuple[int, float]:
+    def _in_the_way(self, slot: int, interaction: _OpenInteraction, now_s: float, bodies: _Bodies) -> tuple[int, float]:
         """The slot of the robot that is nearest on the way of another one, and the way to it; (-1, inf) if there is
         none."""
         known, own = bodies.known, int(np.searchsorted(bodies.known, slot))
@@ -257,7 +245,7 @@ class InteractionFinder:
             return -1, inf
         reach_m = interaction.speed_mps**2 / (2 * BRAKES_MPS2) + BEYOND_M + interaction.speed_mps * EARLIER_S
         rows, away_m = bodies.within(own, reach_m, now_s - interaction.onset_s + EARLIER_S)
-        may_meet = heights_overlap(*levels_m[:, known[rows]], *levels_m[:, slot])
+        may_meet = heights_overlap(*bodies.levels_m[:, known[rows]], *bodies.levels_m[:, slot])
         may_meet &= bodies.place[rows, 2] == interaction.floor
         rows, away_m = rows[may_meet], away_m[may_meet]
         if len(rows) > MOST_NEAR:
@@ -266,7 +254,7 @@ class InteractionFinder:
         if not len(others):
             return -1, inf
         looks_s = np.arange(interaction.onset_s - EARLIER_S, max(now_s, interaction.onset_s) + 1e-9, LOOK_S)
-        left_m = self.recent.ways_left_m(slot, others, looks_s, interaction.way, interaction.speed_mps, half_m)
+        left_m = self.recent.ways_left_m(slot, others, looks_s, interaction.way, interaction.speed_mps, bodies.half_m)
         nearest = int(np.argmin(left_m))
         return (int(others[nearest]), float(left_m[nearest])) if left_m[nearest] < inf else (-1, inf)
 

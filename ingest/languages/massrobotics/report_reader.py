@@ -44,8 +44,8 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "linktoproductdocumentation": ("productDocumentation",),
 }
 """Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
-NAMES_OF_SIDES: dict[str, tuple[str, ...]] = {"length": ("x",), "width": ("y",), "height": ("z",)}
-"""Other names of the sides of an envelope. A place has no such names: a height beside it is that of something else."""
+NAMES_WITH_SIDES = NAMES_OF_THE_TEXT | {"length": ("x",), "width": ("y",), "height": ("z",)}
+"""And other names of the sides of an envelope. A place has none: a height beside it is that of something else."""
 TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 
@@ -72,7 +72,7 @@ def _is_size(envelope: Any) -> bool:
 
 
 def _other_names(model: type[Any]) -> dict[str, tuple[str, ...]]:
-    return NAMES_OF_THE_TEXT | NAMES_OF_SIDES if model in (IdentityReport, Extent) else NAMES_OF_THE_TEXT
+    return NAMES_WITH_SIDES if model in (IdentityReport, Extent) else NAMES_OF_THE_TEXT
 
 
 def meant_key(key: str, model: type[Report]) -> str:

@@ -8,12 +8,11 @@ import msgspec
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import NO_STAMP, Stamp
 
-RESTARTED = 20
-"""The same as `STEPPED_BACK` if their numbers are lower, too, as those of messages that a broker kept back are."""
 STEPPED_BACK = 3
 """After so many older messages in a row, of which each is newer than the one before it, the clock was set back."""
-RESTARTED_S = 5.0
-"""Messages with lower numbers have to come for so long."""
+RESTARTED, RESTARTED_S = 20, 5.0
+"""After so many older messages in a row, and so long, the sender counts anew if their numbers are lower, too. A broker
+that kept messages back sends such ones as well."""
 SOONER_S = 1.0
 """Messages that follow each other sooner than they were sent, by more than this, were kept back: no row goes on."""
 
