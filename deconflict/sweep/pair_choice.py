@@ -86,7 +86,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(16, 900, 24, 2000, 9), Budget(10, 100, 5, 250, 4)
+BOXES, PAIRS = Budget(16, 900, 4, 2000, 9), Budget(10, 100, 5, 150, 4)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 

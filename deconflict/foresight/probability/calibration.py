@@ -221,9 +221,10 @@ class Calibration:
         return _scored(features, rows, models.weights, models.covariance)
 
     def _summed(self, vendors: Ints) -> VendorModels:
-        """The models of all pairs of vendors that are known, and of `vendors`."""
-        own = [self._own(code) for code in sorted({*self.by_vendors, *vendors.tolist()})]
-        codes, of_all, features = np.array(sorted(self.by_vendors), np.int64), self.of_all, len(self.prior.mean)
+        """The models of `vendors`, and of those that were in use since the last change."""
+        codes = np.union1d(vendors, self._models.vendors if self._models else vendors)
+        own = [self._own(code) for code in codes.tolist()]
+        of_all, features = self.of_all, len(self.prior.mean)
         return VendorModels(
             codes,
             np.array([of_all.weights + posterior.weights for posterior in own]).reshape(-1, features),
