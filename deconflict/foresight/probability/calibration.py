@@ -16,7 +16,7 @@ from deconflict.foresight.probability.censoring import PARTS, CensoredOutcomes, 
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, slots_of
 from deconflict.runtime.learned_state import Column, UnreadableError, count_column
 from ingest.batch import Floats, Ints
-from ingest.kernels import CUBE, INTS, MATRIX, kernel
+from ingest.kernels import CUBE, FLOATS, INTS, MATRIX, kernel
 
 
 class Prior(NamedTuple):
@@ -59,24 +59,29 @@ def log_odds(share: Floats) -> Floats:
     return np.log((share + CERTAIN) / (1 + CERTAIN - share))
 
 
-@kernel((MATRIX, INTS, MATRIX, CUBE))
-def _scored(features: Floats, model: Ints, coefficients: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """(n,) scores of pairs with these features (n, features), and their variances. `model` (n,) is the row of each pair
-    in `coefficients` (models, features) and in `covariance` (models, features, features)."""
+@kernel((MATRIX, INTS, FLOATS, MATRIX, MATRIX, CUBE))
+def _scored(
+    features: Floats, model: Ints, of_all: Floats, of_all_covariance: Floats, own: Floats, own_covariance: Floats
+) -> tuple[Floats, Floats]:
+    """(n,) scores of pairs with these features (n, features), and their variances.
+
+    The weights of a pair are those `of_all` (features,) plus its own: `model` (n,) is its row in `own` (models,
+    features). So are the covariances, (features, features) and (models, features, features).
+    """
     score, variance = np.zeros(len(features)), np.zeros(len(features))
     for row in range(len(features)):
-        factor, spread = coefficients[model[row]], covariance[model[row]]
+        factor, spread = own[model[row]], own_covariance[model[row]]
         for i in range(features.shape[1]):
-            score[row] += factor[i] * features[row, i]
+            score[row] += (of_all[i] + factor[i]) * features[row, i]
             along = 0.0
             for j in range(features.shape[1]):
-                along += spread[i, j] * features[row, j]
+                along += (of_all_covariance[i, j] + spread[i, j]) * features[row, j]
             variance[row] += along * features[row, i]
     return score, variance
 
 
 class VendorModels(NamedTuple):
-    """Of m pairs of vendors, the weights of all pairs plus their own."""
+    """Of m pairs of vendors, the weights that are added to those of all pairs."""
 
     vendors: Ints
     """(m,) their codes, ascending."""
@@ -173,11 +178,13 @@ class Calibration:
     ended: Floats = field(default_factory=lambda: np.zeros((2, PARTS + 1)))
     """(2, PARTS + 1) how many pairs became known, and how many left, in each part of the horizon, faded."""
     as_of_s: float | None = None
-    _models: VendorModels | None = None
-    """Computed when they are needed; None after each change."""
+    _models: VendorModels = field(init=False)
+    """Of the pairs of vendors that were asked for: the weights in `by_vendors`, side by side."""
 
     def __post_init__(self) -> None:
+        features = len(self.prior.mean)
         self.of_all = Posterior(self.prior)
+        self._models = VendorModels(np.zeros(0, np.int64), np.zeros((0, features)), np.zeros((0, features, features)))
 
     def estimate(self, features: Floats, vendors: Ints) -> Estimate:
         """The probabilities of n pairs with these features (n, features), of these `vendors` (n,)."""
@@ -196,10 +203,10 @@ class Calibration:
         expected, happened = _share(self._scores(features, vendors)[0]), outcomes.met.astype(np.float64)
         for code in np.unique(vendors).tolist():
             rows = vendors == code
-            own = self._own(code)
+            own, model = self._own(code), np.searchsorted(self._models.vendors, code)
             own.learn(features[rows], expected[rows], happened[rows], weight[rows], now_s)
+            self._models.weights[model], self._models.covariance[model] = own.weights, own.covariance
         self.of_all.learn(features, expected, happened, weight, now_s)
-        self._models = None
 
     def _own(self, code: int) -> Posterior:
         if code not in self.by_vendors:
@@ -212,23 +219,20 @@ class Calibration:
 
     def _scores(self, features: Floats, vendors: Ints) -> tuple[Floats, Floats]:
         """(n,) scores, and their variances."""
-        models = self._models or self._summed(vendors)
-        rows = models.rows_of(vendors)
+        rows = self._models.rows_of(vendors)
         if rows is None:
-            models = self._summed(vendors)
-            rows = np.searchsorted(models.vendors, vendors)
-        self._models = models
-        return _scored(features, rows, models.weights, models.covariance)
+            self._add_models(np.setdiff1d(vendors, self._models.vendors))
+            rows = np.searchsorted(self._models.vendors, vendors)
+        of_all, models = self.of_all, self._models
+        return _scored(features, rows, of_all.weights, of_all.covariance, models.weights, models.covariance)
 
-    def _summed(self, vendors: Ints) -> VendorModels:
-        """The models of `vendors`, and of those that were in use since the last change."""
-        codes = np.union1d(vendors, self._models.vendors if self._models else vendors)
-        own = [self._own(code) for code in codes.tolist()]
-        of_all, features = self.of_all, len(self.prior.mean)
-        return VendorModels(
-            codes,
-            np.array([of_all.weights + posterior.weights for posterior in own]).reshape(-1, features),
-            np.array([of_all.covariance + posterior.covariance for posterior in own]).reshape(-1, features, features),
+    def _add_models(self, codes: Ints) -> None:
+        own, models = [self._own(code) for code in codes.tolist()], self._models
+        rows = np.searchsorted(models.vendors, codes)
+        self._models = VendorModels(
+            np.insert(models.vendors, rows, codes),
+            np.insert(models.weights, rows, np.array([posterior.weights for posterior in own]), axis=0),
+            np.insert(models.covariance, rows, np.array([posterior.covariance for posterior in own]), axis=0),
         )
 
     def columns(self, pairs: str) -> dict[str, Column]:
