@@ -1,7 +1,7 @@
 """Which pairs of robots are examined, if there are more than a floor can hold.
 
 Around a body there is room for few others. So robots that are where they report to be have few pairs: about 2 each at
-one robot on 25 m2, and no more than the budget at three times that density. More pairs come of reports that can't be
+one robot on 25 m2, and no more than the budget at one and a half times that density. More pairs come of reports that can't be
 true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
 
 1. Of each robot, the most urgent pairs are examined in any case: a few that are watched, and the first of others, if
@@ -86,7 +86,7 @@ class Budget(NamedTuple):
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(16, 900, 4, 2000, 9), Budget(10, 100, 5, 150, 4)
+BOXES, PAIRS = Budget(16, 900, 8, 900, 9), Budget(10, 100, 5, 150, 4)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 
