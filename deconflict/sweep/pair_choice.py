@@ -1,8 +1,9 @@
 """Which pairs of robots are examined, if there are more than a floor can hold.
 
 Around a body there is room for few others. So robots that are where they report to be have few pairs: about 2 each at
-one robot on 25 m2, and no more than the budget at one and a half times that density. More pairs come of reports that can't be
-true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the sources:
+one robot on 25 m2, and no more than the budget at one and a half times that density. More pairs come of reports that
+can't be true, or of robots that drive through each other. Then the most urgent are examined, shared fairly among the
+sources:
 
 1. Of each robot, the most urgent pairs are examined in any case: a few that are watched, and the first of others, if
    it has not as many already. They count among what their sources get.
@@ -72,21 +73,21 @@ class Budget(NamedTuple):
     """For each robot that changed,"""
     spare: int
     """and so much more in a pass."""
-    held: int
+    held: float
     """In all passes, for each robot of the floor,"""
-    held_spare: int
-    """and so much more."""
+    held_least: int
+    """and on a floor of few robots so much in all."""
     least: int
     """For each robot that changed, however much is held: a source that holds all takes nothing from others."""
 
     def of_pass(self, changed: int, robots: int, held: int) -> int:
         """What may be examined in a pass in which so many of `robots` robots changed, while so much of other robots is
         held."""
-        room = self.held * robots + self.held_spare - held
+        room = max(int(self.held * robots), self.held_least) - held
         return max(self.least * changed, min(self.changed * changed + self.spare, room))
 
 
-BOXES, PAIRS = Budget(16, 900, 8, 900, 9), Budget(10, 100, 5, 150, 4)
+BOXES, PAIRS = Budget(16, 900, 10, 3000, 9), Budget(10, 100, 5.5, 600, 4)
 """Of pairs of boxes of one second in the sweep, where what is held are contacts; and of pairs of robots."""
 
 

@@ -48,7 +48,7 @@ def test_honest_robots_send_the_same_whoever_else_is_there() -> None:
 def test_beside_others_a_pass_examines_few_more_pairs_and_no_warning_of_honest_robots_is_lost(kind: str) -> None:
     terms = Terms(SECONDS, passes=5)
     found = measured(drawn_floor(1, 100, SECONDS, kinds=(kind,)), terms, reference(100, 1, terms))
-    assert found["pairs"] <= MOST_RATIO * found["usual_pairs"] + PAIRS.held_spare
+    assert found["pairs"] <= MOST_RATIO * found["usual_pairs"] + PAIRS.spare
     assert (found["warnings"]["missing"], found["warnings"]["late"]) == ([], [])
 
 
