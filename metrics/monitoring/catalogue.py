@@ -131,10 +131,9 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Revisions of advisories, by event: raised, updated or cleared.", "kind", "event"
     ),
     "deconflict_conflicts_ended_total": counter(
-        "Published conflicts that ended, counted once for each vendor in them, by why they were cleared: met (the "
-        "robots came within the clearance), gave_way (one gave way to the other), not_met (no longer predicted), or "
-        "left (a robot left, or another reason). Not whether the warning was right: that is "
-        "deconflict_warnings_judged_total.",
+        "Published conflicts that ended, once for each vendor in them, by why: met (came within the clearance), "
+        "gave_way, not_met (no longer predicted), or left (a robot left, or another reason). Whether a warning was "
+        "right says deconflict_warnings_judged_total.",
         "vendor",
         "outcome",
     ),
@@ -147,8 +146,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "The same warnings, counted once for each vendor in them.", "vendor", "outcome"
     ),
     "deconflict_events_judged_total": counter(
-        "Times at which two robots got in each other's way, by whether they were warned of (yes, no), as in the report "
-        "of a replay.",
+        "Times at which two robots got in each other's way, by whether they were warned of (yes, no).",
         "warned_of",
     ),
     "deconflict_vendor_events_judged_total": counter(
@@ -158,16 +156,14 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Of the events that were warned of, from raising the warning to the event: ahead by."
     ),
     "deconflict_revisions_deferred_total": counter(
-        "Revisions of conflicts with the vendor's robots that waited for a later pass, as one pass makes a bounded "
-        "number of them for any two vendors.",
+        "Revisions of conflicts with the vendor's robots that waited for a later pass, as one pass makes only so many.",
         "vendor",
     ),
     "deconflict_pairs_left_out_total": counter(
         "Pairs of robots that a pass did not compare, because more came near each other than a floor can hold."
     ),
     "deconflict_robots_partly_examined": gauge(
-        "Robots that are compared with some others only, by vendor: they are in a crowd, or more robots come near them "
-        "than have room there.",
+        "Robots that are compared with some others only: in a crowd, or where more come near than have room.",
         "vendor",
     ),
     "deconflict_forecast_error_metres": gauge(
@@ -221,8 +217,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     ),
     "deconflict_zone_flow_per_second": gauge("Robots that leave a zone per second, averaged over minutes.", "zone"),
     "deconflict_ordinary_waits_total": counter(
-        "Waits of robots for a blocker (blockage) or for a place (contention) without an advisory, because they were "
-        "short, or usual in one vendor's fleet at that place and hour.",
+        "Waits of robots for a blocker (blockage) or a place (contention) without an advisory, as they were short, or "
+        "usual in one vendor's fleet at that place and hour.",
         "kind",
     ),
     "deconflict_ordinary_wait_seconds_total": counter("Duration of these waits.", "kind"),
@@ -238,8 +234,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "Time that robots take to a destination divided by the time that they announce, median.", "vendor"
     ),
     "deconflict_arrival_error_seconds": gauge(
-        "Error of announced arrival times, by how far ahead they were announced, that is not exceeded in this share "
-        "of cases. Old cases lose weight.",
+        "Error of announced arrival times that is not exceeded in this share of cases. Old cases lose weight.",
         "vendor",
         "ahead_up_to_s",
         "share",
@@ -302,9 +297,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_outlet_failures_total": counter("Failed attempts to deliver a revision.", "outlet"),
     "deconflict_outlet_waiting": gauge("Revisions that wait because an outlet does not accept any.", "outlet"),
     "deconflict_lost_seconds_total": counter(
-        "Seconds that robots of `vendor` lost because a robot of `by` was in their way, by how it was in the way, and "
-        "by the zone, resource or area of the site where they began to lose time (empty outside all). Its error is in "
-        "docs/losses.md.",
+        "Seconds that robots of `vendor` lost because a robot of `by` was in their way, by how, and by the zone, "
+        "resource or area where they began to lose time (empty outside all). Its error is in docs/losses.md.",
         "vendor",
         "by",
         "kind",

@@ -14,27 +14,26 @@ OLDEST_PYTHON = {"python_version": "3.11", "python_full_version": "3.11.0"}
 """An installation there brings most; the page is the same whichever Python writes it."""
 HEAD = """# Dependencies
 
-The table lists what `pip install -c constraints.txt ./deconflict_client '.[cluster]'` installs besides these two
-packages, and `locks/runtime.txt` has. The versions are those that were tested. Each licence is the one in the metadata
-of the package. `python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
+What does `pip install -c constraints.txt ./deconflict_client '.[cluster]'` bring along, as `locks/runtime.txt` has it?
+The versions are those that were tested, each licence is the one in the metadata of the package.
+`python -m tests.helpers.dependencies > docs/dependencies.md` writes this page.
 
 ## Known vulnerabilities
 
-`make audit` looks up each version of `constraints.txt` in the vulnerability database of the Python Packaging Authority.
-It uses pip-audit in a separate environment, and includes the tools of developers. It fails if a version is known to be
-vulnerable. It fails also if the database does not answer. Run it for each release and after each change of
-`constraints.txt`. It needs PyPI itself: a mirror that serves only packages makes pip-audit report "not found on PyPI".
+`make audit` looks up each version of `constraints.txt`, those of developers' tools included, in the vulnerability
+database of the Python Packaging Authority. It fails if a version is known to be vulnerable, or if the database does not
+answer. Run it for each release and after each change of `constraints.txt`. It needs PyPI itself: with a mirror that
+serves only packages pip-audit reports "not found on PyPI".
 
 The database could not be reached yet, so this page has no result of `make audit`. In November 2026 we searched by hand
-for published advisories of the packages that read bytes from outside. Such a search proves less. It found:
+for published advisories of the packages that read bytes from outside, which proves less. The tested versions contain
+the fixes that were found:
 
 - starlette: CVE-2024-47874, fixed in 0.40.0; CVE-2025-62727, fixed in 0.49.1; CVE-2026-48710, fixed in 1.0.1;
 - idna: CVE-2026-45409, fixed in 3.15;
 - h11: the tested version is itself a release with a fix;
 - protobuf: CVE-2026-0994. No version with a fix was found. The service gives protobuf no bytes from outside;
 - websockets, uvicorn, msgspec, pydantic and zstandard: none.
-
-The tested versions contain these fixes.
 
 ## Packages
 
