@@ -10,35 +10,32 @@ A decision is a key and a value. Keys name no internal part, and the values are 
 """
 
 import json
-import subprocess
-import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from deconflict.__main__ import parser
 
 Decisions = dict[str, str]
 PLACE_OF_KIND = {"contention": "resource", "double_occupancy": "resource", "blockage": "blocker"}
 """The field that names what an advisory is about, where that is not its robots."""
 
 
-class ReplayFailedError(RuntimeError):
-    """`deconflict replay` has failed."""
-
-
 def decided(log: Path, site: Path | None, clearance_m: float | None = None) -> tuple[Decisions, dict[str, Any]]:
-    """What this release decides over a log, and its scores. Raises `ReplayFailedError`."""
+    """What this release decides over a log, and its scores. The command runs in this process."""
     with TemporaryDirectory(prefix="decisions-") as folder:
         names = ("advisories", "situations", "probabilities", "json")
         outputs = {name: Path(folder) / name for name in names}
         options = [option for name, path in outputs.items() for option in (f"--{name}", str(path))]
         options += ["--site", str(site)] if site else []
         options += ["--clearance", str(clearance_m)] if clearance_m is not None else []
-        command = [sys.executable, "-m", "deconflict", "replay", str(log), "--jobs", "1", *options]
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        if ended.returncode:
-            raise ReplayFailedError(f"{' '.join(command)}\n{ended.stderr}")
+        args = parser().parse_args(["replay", str(log), "--jobs", "1", *options])
+        with redirect_stdout(StringIO()):
+            args.run(args)
         result = json.loads(outputs["json"].read_text())
         found = (
             *_of_advisories(_lines(outputs["advisories"])),

@@ -16,6 +16,7 @@ from deconflict.sweep.pair_choice import PAIRS
 from deconflict_client.advisory import Severity
 
 SECONDS, ROBOTS = 20.0, 60
+TERMS = Terms(SECONDS, passes=5)
 HELD = (
     "standing-heap",
     "trembling-heap",
@@ -44,10 +45,16 @@ def test_honest_robots_send_the_same_whoever_else_is_there() -> None:
     assert beside == sent_by(floor.honest, SECONDS)
 
 
+@pytest.fixture(scope="module")
+def usual() -> dict[str, float]:
+    return reference(100, 1, TERMS)
+
+
 @pytest.mark.parametrize("kind", HELD)
-def test_beside_others_a_pass_examines_few_more_pairs_and_no_warning_of_honest_robots_is_lost(kind: str) -> None:
-    terms = Terms(SECONDS, passes=5)
-    found = measured(drawn_floor(1, 100, SECONDS, kinds=(kind,)), terms, reference(100, 1, terms))
+def test_beside_others_a_pass_examines_few_more_pairs_and_no_warning_of_honest_robots_is_lost(
+    kind: str, usual: dict[str, float]
+) -> None:
+    found = measured(drawn_floor(1, 100, SECONDS, kinds=(kind,)), TERMS, usual)
     assert found["pairs"] <= MOST_RATIO * found["usual_pairs"] + PAIRS.spare
     assert (found["warnings"]["missing"], found["warnings"]["late"]) == ([], [])
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.less_told import __main__ as command
+from benchmarks.less_told import fields
 from benchmarks.less_told.drives import Style, driven
 from benchmarks.less_told.fields import FIELDS, Comparison, Fields, comparisons, variants
 from benchmarks.less_told.findings import HOLDS, MORE_VAIN, Finding
@@ -125,7 +126,10 @@ def test_a_field_is_worse_if_fewer_are_told_of_or_there_are_more_alerts() -> Non
     assert finding([told_of, vain], [told_of] * 2).verdict == MORE_VAIN
 
 
-def test_the_command_prints_and_writes_all_comparisons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_and_writes_all_comparisons(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fields, "FIELDS", {"iso21423": {"velocity": (), "angular": ("velocity",), "trajectory": ()}})
     out = tmp_path / "out.json"
     command.main(["--languages", "iso21423", "--seeds", "1", "--json", str(out)])
     assert len(json.loads(out.read_text())["iso21423"]) == len(list(comparisons("iso21423")))

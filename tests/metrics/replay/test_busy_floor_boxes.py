@@ -76,6 +76,5 @@ def moment(document: dict[str, Any], began: str, nearest: str) -> Event:
 def test_a_box_without_what_was_under_way_does_not_replay_exactly(floor: RecordedFloor, tmp_path: Path) -> None:
     snapshots = [snapshot._replace(under_way=b"") for snapshot in floor.snapshots]
     poorer = RecordedFloor(floor.site, floor.data, floor.near, floor.decided, snapshots)
-    found = boxes_of(poorer, tmp_path / FOLDER, START_S + SECONDS, last=2)
-    assert len(found) == 2
-    assert not all(verify(tmp_path / FOLDER / box["file"]).same for box in found)
+    found = boxes_of(poorer, tmp_path / FOLDER, START_S + SECONDS, last=1)
+    assert not verify(tmp_path / FOLDER / found[0]["file"]).same

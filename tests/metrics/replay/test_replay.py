@@ -109,9 +109,12 @@ def test_the_command_writes_scores_and_the_revisions_of_the_stream(tmp_path: Pat
     messages, results, revisions = [], [], []
     for name in ("1", "2"):
         out, lines, situations = tmp_path / f"{name}.json", tmp_path / f"{name}.jsonl", tmp_path / f"{name}.situations"
-        command = [sys.executable, "-m", "deconflict", "replay", str(log), "--clearance", "0.0", "0.3"]
-        outputs = ["--json", str(out), "--advisories", str(lines), "--situations", str(situations)]
-        subprocess.run([*command, *outputs], check=True)
+        words = ["replay", str(log), "--clearance", "0.0", "0.3", "--json", str(out)]
+        words += ["--advisories", str(lines), "--situations", str(situations)]
+        if name == "1":
+            run(*words)
+        else:
+            subprocess.run([sys.executable, "-m", "deconflict", *words], check=True)
         assert [load["clearance_m"] for load in json.loads(out.read_text())["scores"]] == [0.0, 0.3]
         messages.append((tmp_path / f"{name}-0.3.jsonl").read_bytes())
         revisions.append([REVISION.validate_json(line) for line in situations.read_bytes().splitlines()])

@@ -5,23 +5,25 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.helpers.commands import run
 from tests.metrics.replay.made_replays import log_of_a_crossing
 
 ROOT = Path(__file__).parents[3]
 PACKAGES = ("deconflict_client", "ingest", "deconflict", "metrics")
 
 
-def replayed(root: Path, log: Path, out: Path) -> tuple[dict[str, Any], bytes]:
+def replayed(out: Path, replay: Callable[..., object]) -> tuple[dict[str, Any], bytes]:
     """The scores, without how long they took, and the advisories."""
+    out.mkdir()
     scores, advisories = out / "scores.json", out / "advisories.jsonl"
-    command = [sys.executable, "-m", "deconflict", "replay", str(log), "--json", str(scores)]
-    command += ["--advisories", str(advisories)]
-    subprocess.run(command, check=True, cwd=root, env=os.environ | {"PYTHONPATH": str(root)})
+    replay("--json", scores, "--advisories", advisories)
     document = json.loads(scores.read_text())
     del document["speed_x_real_time"]
     return document, advisories.read_bytes()
@@ -38,9 +40,11 @@ def slower(tmp_path: Path) -> Path:
 
 def test_a_replay_is_the_same_without_the_fast_path(slower: Path, tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
-    outs = [tmp_path / "fast", tmp_path / "slow"]
-    for out in outs:
-        out.mkdir()
-    scores, advisories = replayed(ROOT, log, outs[0])
+    command = [sys.executable, "-m", "deconflict", "replay", log]
+    environment = os.environ | {"PYTHONPATH": str(slower)}
+    scores, advisories = replayed(tmp_path / "fast", partial(run, "replay", log))
     assert advisories
-    assert replayed(slower, log, outs[1]) == (scores, advisories)
+    assert replayed(
+        tmp_path / "slow",
+        lambda *outputs: subprocess.run([*command, *outputs], check=True, cwd=slower, env=environment),
+    ) == (scores, advisories)

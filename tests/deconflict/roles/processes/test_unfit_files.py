@@ -144,6 +144,7 @@ def often_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refusal_health, "SHOWN_S", 3.0)
     monkeypatch.setattr(operator_sources, "REFUSALS_EVERY_S", 0.2)
     monkeypatch.setattr(file_health, "LOOK_EVERY_S", 0.2)
+    monkeypatch.setattr("deconflict.roles.engine_role.LEARNED_EVERY_S", 0.5)
 
 
 @pytest.fixture
