@@ -3,7 +3,7 @@
 Sources: the readings of A1, A6 to A8, A13 and A16 in practice, and clause 5.4 of the standard.
 """
 
-from math import atan2, copysign, cos, hypot, isnan, pi, radians, sin
+from math import atan2, copysign, cos, hypot, inf, isnan, pi, radians, sin
 
 from msgspec.structs import replace
 
@@ -175,14 +175,17 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
 def _stated_share(before: Sighting, now: Sighting, moved_mps: float) -> float:
     """The stated speed as a share of that of the move since the sighting before, if it is not nearly that; else 1.
 
-    A robot that hardly moves, or turned a corner, shows nothing; nor does one that moves as fast as no robot.
+    A robot that turned a corner shows nothing; nor does one that moves as fast as no robot. One that hardly moves
+    stands, if it would have moved by far more at the stated speed.
     """
-    least_mps = max(MOVED_M / (now.t_s - before.t_s), DRIVES_MPS)
-    if now.linear_mps is None or not least_mps < moved_mps <= PLAUSIBLE_SPEED_MPS:
+    least_mps, (least, most) = max(MOVED_M / (now.t_s - before.t_s), DRIVES_MPS), SPEED_AS_MOVED
+    if now.linear_mps is None or moved_mps > PLAUSIBLE_SPEED_MPS:
         return 1.0
+    if moved_mps <= least_mps:
+        return inf if abs(now.linear_mps) > most * least_mps else 1.0
     if _stands(now):
         return 0.0
-    share, (least, most) = abs(now.linear_mps) / moved_mps, SPEED_AS_MOVED
+    share = abs(now.linear_mps) / moved_mps
     has_turned = abs(turn_between(before.yaw_rad, now.yaw_rad)) > CORNER_RAD
     return 1.0 if has_turned or least <= share <= most else share
 
