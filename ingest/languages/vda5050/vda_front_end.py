@@ -8,6 +8,7 @@ remaining nodes, and the order where these are.
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
+from math import inf
 from typing import Any
 from uuid import UUID, uuid5
 
@@ -77,7 +78,10 @@ def _read(
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     last = None if _is_last_will(message) else memory.heard.get(kind)
-    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, message.header_id)
+    has_pose = isinstance(message, VdaMotion)
+    heard, stamp, is_used = heard_after(
+        last, message, stamp, findings, arrival_s, message.header_id, has_pose=has_pose
+    )
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
     if not is_used:
         return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory
@@ -191,11 +195,13 @@ def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, fin
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
     """Whether a pose was overtaken by one of another topic. `last` is the message before of its own topic.
 
-    If it is older than that one, or much older than the newest pose, the robot's clock was set back.
+    If it is older than that one, or much older than the newest pose, the robot's clock was set back. One that is
+    repeated was not.
     """
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
         return False
-    return 0.0 < newest.t_s - stamp.t_s <= OVERTAKEN_S
+    is_repeated = last is not None and stamp.t_s == last.stamp_s
+    return 0.0 < newest.t_s - stamp.t_s <= (inf if is_repeated else OVERTAKEN_S)
 
 
 class VdaFrontEnd(TopicFrontEnd):

@@ -41,7 +41,11 @@ _HEADER = (
     Rule("version-unknown", "The version is neither 2.x nor 3.x; read as these.", "header"),
     Rule("robot-not-of-topic", "The header names another robot than the topic; the topic holds.", "header"),
     *stamp_rules("header"),
-    in_context("message-repeated", "The same message came again, as from a second broker; not used.", "header"),
+    in_context(
+        "message-repeated",
+        "The same message came again, as from a second broker; not used. A pose keeps the robot heard after 5 s.",
+        "header",
+    ),
     *late_rules("header"),
 )
 _WHO = (
