@@ -5,8 +5,10 @@ A vendor's robots are observed by kind of way: the speed that is allowed there, 
 over a window of motion is not moved by starts and stops, and follows a change of firmware once the window has passed.
 """
 
+from bisect import bisect_left
 from collections import OrderedDict, deque
-from math import ceil, cos, hypot, inf, isfinite, sin
+from itertools import accumulate
+from math import cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Knot, Sighting
@@ -28,6 +30,8 @@ BOUNDED = 0.9
 """A robot that drives this share of its limit is bounded by it, and drives faster where more is allowed."""
 LEAST_SHARE = 0.2
 """A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
+NEARLY = 1.0 - 1e-9
+"""So that sums that are equal but for rounding are."""
 MOST_MODELS, MOST_KINDS = 1000, 12
 UNSLOWED = 0.9
 """A robot that keeps this share of its speed does not brake."""
@@ -77,8 +81,9 @@ class ObservedSpeeds:
     @property
     def usual(self) -> float:
         if self._usual is None:
-            speeds = sorted(speed for _, speed in self._samples)
-            self._usual = speeds[ceil(self._part * len(speeds)) - 1]
+            speeds = sorted((speed, lasted_s) for lasted_s, speed in self._samples)
+            lasted_s = list(accumulate(lasts_s for _, lasts_s in speeds))
+            self._usual = speeds[bisect_left(lasted_s, self._part * lasted_s[-1] * NEARLY)][0]
         return self._usual
 
 
