@@ -75,8 +75,8 @@ def heard_after(
 ) -> tuple[Heard | None, Stamp, bool]:
     """What is kept from now on, the stamp, and whether the message is used, which came after `last` of its topic.
 
-    One that is repeated, or older, is not, but for a pose that comes again after `REPEATS_S`. One with the stamp of the last has none that can be used, see
-    `has_header_of`. None is kept of one that is repeated or has no stamp.
+    One that is repeated, or older, is not, but for a pose that comes again after `REPEATS_S`. One with the stamp of the
+    last has none that can be used, see `has_header_of`. None is kept of one that is repeated or has no stamp.
     """
     if not stamp.is_known:
         return None, stamp, True

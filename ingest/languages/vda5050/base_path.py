@@ -26,8 +26,8 @@ from ingest.frames.assumed_motion import (
 from ingest.frames.way_pieces import Nearest, nearest_place
 from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
+from ingest.languages.vda5050.seen.base_ends import speed_mps
 from ingest.languages.vda5050.trajectories import (
     BEND_RAD,
     Curve,
@@ -145,17 +145,18 @@ class _Walk:
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
         yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
+        velocity = pose.motion
         self.own = pose.path if pose.path.in_order and pose.path.ends_s[1] > pose.stamp.t_s else NO_PATH
         """The robot's own path, if its times are in order and reach beyond the pose."""
         before = ((pose.stamp.t_s, position.x, position.y, yaw_rad), *self.own.poses)
-        self._way_rad, self._own_mps = _motion(before, pose.velocity)
+        self._way_rad, self._own_mps = _motion(before, velocity)
         """The direction in which the robot drives there, nan if unknown; its speed by its own path, 0 without one."""
         self.rows: list[Row] = [(*before[-1][:3], self._way_rad if isnan(before[-1][3]) else before[-1][3])]
         self.datums = [datum_name(position.map_id)]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         self._speed_mps = speed_mps(pose.velocity)
-        self._is_backwards = bool(pose.velocity and (pose.velocity.vx or 0.0) < 0.0)
+        self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
         ahead = curve_ahead(pose.plan, self.rows[0][1:3])
         self.plan: Polyline = (self.rows[0][1:3], *ahead) if ahead else ()

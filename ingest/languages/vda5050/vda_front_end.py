@@ -21,9 +21,10 @@ from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import Heard, heard_after
 from ingest.languages.tolerance.tolerant_json import stamp_of
 from ingest.languages.vda5050 import factsheets
-from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
+from ingest.languages.vda5050.seen.base_ends import is_under_way
+from ingest.languages.vda5050.seen.travels import travel_to
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -79,9 +80,7 @@ def _read(
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     last = None if _is_last_will(message) else memory.heard.get(kind)
     has_pose = isinstance(message, VdaMotion)
-    heard, stamp, is_used = heard_after(
-        last, message, stamp, findings, arrival_s, message.header_id, has_pose=has_pose
-    )
+    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, message.header_id, has_pose=has_pose)
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
     if not is_used:
         return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory
@@ -164,7 +163,9 @@ def _read_motion(
         memory = msgspec.structs.replace(memory, **changes)
         position = _on_known_map(position, message, memory, findings)
         path, plan = newest_plans(memory.plans, topic.kind, stamp.t_s, position)
-        memory = msgspec.structs.replace(memory, pose=VdaPose(own_stamp, position, message.velocity, path, plan))
+        travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
+        pose = VdaPose(own_stamp, position, message.velocity, path, plan, travel)
+        memory = msgspec.structs.replace(memory, pose=pose)
         status = status_of(topic.sender.uuid, memory, findings)
         return status or update_of(topic.sender.uuid, findings), memory
     return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)

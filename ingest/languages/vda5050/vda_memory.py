@@ -1,12 +1,15 @@
 """What is kept of a robot between two of its messages."""
 
+from math import isnan
+
 import msgspec
 
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
-from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
+from ingest.languages.vda5050.seen.base_ends import BaseEnds
+from ingest.languages.vda5050.seen.travels import Travel
 from ingest.languages.vda5050.trajectories import Curve
 from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
 
@@ -31,6 +34,15 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     """That it plans itself, with its own times."""
     plan: Curve | None
     """The way that it plans, without times."""
+    travel: Travel
+
+    @property
+    def motion(self) -> Velocity2d | None:
+        """The velocity as sent, else as observed."""
+        sent, seen = self.velocity, self.travel
+        if isnan(seen.direction_rad) or (sent and not (sent.vx is None and sent.vy is None)):
+            return sent
+        return Velocity2d(-seen.mps if seen.is_backwards else seen.mps, 0.0, sent.omega if sent else None)
 
 
 class Abilities(msgspec.Struct, frozen=True, gc=False):

@@ -22,9 +22,9 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
-from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
 from ingest.languages.vda5050.orders import is_released, states_ahead
+from ingest.languages.vda5050.seen.base_ends import speed_mps
 from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (

@@ -337,3 +337,14 @@ def test_a_place_in_a_state_that_is_not_filled_in_is_where_the_order_says(
     status = Listener().status_after(("order", order(T, nodes)), ("state", report))
     assert points(status.path)[-1][1:] == (0.0, y_m)
     assert status.findings == findings
+
+
+@pytest.mark.parametrize("velocity", [None, {"omega": 0.0}])
+def test_a_robot_that_is_seen_to_drive_backwards_and_says_no_speed_goes_on_so(velocity: dict[str, Any] | None) -> None:
+    nodes = [node(0, 0.0), node(1, -4.0), node(2, -10.0)]
+    reports = [("state", under_way(T + s, -0.5 * s, 0.0, nodes[1:], velocity=velocity)) for s in range(3)]
+    status = Listener().status_after(("order", order(T, nodes)), *reports)
+    assert [row[3] for row in status.path.poses] == pytest.approx([0.0, 0.0])
+    stood = [("state", under_way(T + s, -1.0, 0.0, nodes[1:], velocity=velocity, theta=pi)) for s in range(3, 9)]
+    status = Listener().status_after(("order", order(T, nodes)), *reports, *stood)
+    assert [abs(row[3]) for row in status.path.poses] == pytest.approx([pi, pi])
