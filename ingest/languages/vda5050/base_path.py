@@ -121,9 +121,10 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
 
 
 def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
-    """The newest order that a state is about."""
+    """The newest order that the newest state is about, or else what is known of its nodes."""
     order_id = state.order_id or None if state.node_states else state.order_id
-    return next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+    heard = next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+    return heard or memory.unheard
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
@@ -134,7 +135,7 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
     if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [leg for number, leg in order.legs() if number > passed]
-    if state.node_states and order is None:
+    if state.node_states and order is memory.unheard:
         findings["order-unseen"] = None
     return list(legs_of_state(state, order, findings))
 
@@ -144,8 +145,8 @@ class _Walk:
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
-        yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
         velocity = pose.motion
+        yaw_rad = remainder(_heading_rad(pose) if position.theta is None else position.theta, 2 * pi)
         self.own = pose.path if pose.path.in_order and pose.path.ends_s[1] > pose.stamp.t_s else NO_PATH
         """The robot's own path, if its times are in order and reach beyond the pose."""
         before = ((pose.stamp.t_s, position.x, position.y, yaw_rad), *self.own.poses)
@@ -316,6 +317,12 @@ class _Walk:
         """A speed for times that nobody has observed yet."""
         mps = min(most_mps, self._own_mps or inf)
         return max(mps, DRIVES_MPS) if isfinite(mps) else max(self._speed_mps, ASSUMED_MPS)
+
+
+def _heading_rad(pose: VdaPose) -> float:
+    """The heading of a robot that does not say it, as it moved last; nan if it was not seen to move."""
+    backs_rad = pi if pose.velocity and (pose.velocity.vx or 0.0) < 0.0 else 0.0
+    return pose.travel.direction_rad + backs_rad
 
 
 def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:

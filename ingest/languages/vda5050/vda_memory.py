@@ -9,7 +9,9 @@ from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
 from ingest.languages.vda5050.orders import Order
 from ingest.languages.vda5050.seen.base_ends import BaseEnds
-from ingest.languages.vda5050.seen.travels import Travel
+from ingest.languages.vda5050.seen.known_ways import KnownWays
+from ingest.languages.vda5050.seen.line_guided import Along
+from ingest.languages.vda5050.seen.travels import OBSERVABLE_S, Travel
 from ingest.languages.vda5050.trajectories import Curve
 from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
 
@@ -35,6 +37,12 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     plan: Curve | None
     """The way that it plans, without times."""
     travel: Travel
+    along: Along | None = None
+    """How it was placed, if it did not say where it is."""
+
+    def gives_way_to_nodes(self, t_s: float) -> bool:
+        """Whether the nodes that the robot passes say more of its place, since it last said that long before."""
+        return self.along is not None or t_s > self.stamp.t_s + OBSERVABLE_S
 
     @property
     def motion(self) -> Velocity2d | None:
@@ -68,6 +76,10 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """The last two, the newest last."""
     outdated: Order | None = None
     """The newest update that was older than its order, until a further order. The robot may have taken it."""
+    ways: KnownWays = KnownWays()
+    """Of all orders."""
+    unheard: Order | None = None
+    """What is known of the order of the newest state, if that was not heard."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
     bases: BaseEnds = BaseEnds()

@@ -69,6 +69,7 @@ _STATE = (
 )
 _WHERE = (
     Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
+    in_context("position-by-node", "A state without position; the robot is on its way from the last node.", "state"),
     Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
     Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
     in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
@@ -89,7 +90,9 @@ _WHERE_TO = (
     Rule("curves-too-many", "Curves of an order have over 12,000 control points; further edges are straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule(
-        "order-unseen", "A state names an order or node that was not heard; only what the state says is used.", "order"
+        "order-unseen",
+        "A state names an order or node that was not heard; its nodes are where it, or earlier orders, have them.",
+        "order",
     ),
     in_context("node-passed", "A state names nodes before the last one that the robot passed; left out.", "state"),
     in_context("node-place-zero", "A state has a node at 0, 0; it is where the order says.", "state"),
