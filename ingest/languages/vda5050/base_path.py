@@ -162,6 +162,7 @@ class _Walk:
         ahead = curve_ahead(pose.plan, self.rows[0][1:3])
         self.plan: Polyline = (self.rows[0][1:3], *ahead) if ahead else ()
         """The way that the robot plans, from the last row on."""
+        self._turns_at_nodes = not memory.are_headings_default or memory.abilities.is_omnidirectional
         self._is_of_order = not memory.is_order_newer
         """Whether that can be for the newest order."""
 
@@ -237,7 +238,7 @@ class _Walk:
             way = way or curve_ahead(edge.curve, self.rows[-1][1:3])
         for x, y in (*way, end):
             self._turn_and_drive(x, y, edge, datum)
-        if place.theta is not None:
+        if place.theta is not None and self._turns_at_nodes:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:

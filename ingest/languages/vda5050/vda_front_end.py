@@ -24,6 +24,7 @@ from ingest.languages.vda5050 import factsheets
 from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.seen.base_ends import is_under_way
+from ingest.languages.vda5050.seen.default_headings import are_default
 from ingest.languages.vda5050.seen.line_guided import Along, along_now, placed
 from ingest.languages.vda5050.seen.travels import travel_to
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
@@ -108,7 +109,8 @@ def _with_order(memory: VdaMemory, newest: Order, findings: Findings) -> VdaMemo
     bases = memory.bases
     if is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
         bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
-    memory = msgspec.structs.replace(memory, ways=memory.ways.after(newest))
+    default = are_default(memory.are_headings_default, (node.place for node in orders[-1].nodes.values()), findings)
+    memory = msgspec.structs.replace(memory, ways=memory.ways.after(newest), are_headings_default=default)
     return msgspec.structs.replace(memory, orders=orders, outdated=None, is_order_newer=True, bases=bases)
 
 
@@ -175,6 +177,9 @@ def _with_state(memory: VdaMemory, state: StateMessage) -> dict[str, Any]:
     orders, outdated = swapped(memory.orders, memory.outdated, state)
     changes = {"state": state, "orders": orders, "outdated": outdated, "unheard": None}
     changes |= {"is_order_newer": False, "connection": "ONLINE"}
+    if any(node.node_position for node in state.node_states or ()):
+        ahead = (node.node_position for node in state.node_states or ())
+        changes["are_headings_default"] = are_default(memory.are_headings_default, ahead, Findings())
     if order_by(msgspec.structs.replace(memory, **changes), state) is None:
         changes["unheard"] = memory.ways.order_for(state, state.position, orders)
     return changes

@@ -80,6 +80,8 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """Of all orders."""
     unheard: Order | None = None
     """What is known of the order of the newest state, if that was not heard."""
+    are_headings_default: bool = False
+    """Whether nodes have a heading only since nobody left it out."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
     bases: BaseEnds = BaseEnds()

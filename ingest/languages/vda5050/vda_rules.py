@@ -96,6 +96,7 @@ _WHERE_TO = (
     ),
     in_context("node-passed", "A state names nodes before the last one that the robot passed; left out.", "state"),
     in_context("node-place-zero", "A state has a node at 0, 0; it is where the order says.", "state"),
+    in_context("node-theta-zero", "All nodes have theta 0 on a way that leads across; left out.", "order"),
     in_context("order-outdated", "An update older than the order known; used while a state names it.", "order"),
     in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
     *point_rules("state"),
