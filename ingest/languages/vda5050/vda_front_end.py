@@ -163,7 +163,13 @@ def _read_motion(
     signed_off = memory.heard.get("connection")
     if not (signed_off and stamp.t_s <= signed_off.stamp_s):
         after = msgspec.structs.replace(after, connection="ONLINE")
+    visualized = after.visualized
+    if not isinstance(message, StateMessage):
+        visualized = visualized.after_visualization(own_stamp.t_s, position)
+    after = msgspec.structs.replace(after, visualized=visualized)
     position = _on_known_map(position, message, after, findings)
+    if isinstance(message, StateMessage):
+        after = msgspec.structs.replace(after, visualized=visualized.after_state(own_stamp.t_s, position))
     path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
     travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
     pose = VdaPose(own_stamp, position, message.velocity, path, plan, travel, along)
@@ -211,8 +217,12 @@ def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, fin
     """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one.
 
     Those of the order count from the last one that the robot has passed.
-    Programs that do not know yet where the robot is send zeros without a map.
+    Programs that do not know yet where the robot is send zeros without a map. The name that visualizations have for the
+    map of the states stands for that.
     """
+    if not isinstance(message, StateMessage) and (stated := memory.visualized.map_of(position)):
+        findings.note("map-of-state", f"{position.key}.mapId", position.map_id, stated)
+        return msgspec.structs.replace(position, map_id=stated)
     if datum_name(position.map_id) or position.is_lost:
         return position
     places: list[NodePlace | None] = []

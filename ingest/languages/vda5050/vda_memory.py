@@ -12,6 +12,7 @@ from ingest.languages.vda5050.seen.base_ends import BaseEnds
 from ingest.languages.vda5050.seen.known_ways import KnownWays
 from ingest.languages.vda5050.seen.line_guided import Along
 from ingest.languages.vda5050.seen.travels import OBSERVABLE_S, Travel
+from ingest.languages.vda5050.seen.visualized_maps import VisualizedMap
 from ingest.languages.vda5050.trajectories import Curve
 from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
 
@@ -80,6 +81,7 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """Of all orders."""
     unheard: Order | None = None
     """What is known of the order of the newest state, if that was not heard."""
+    visualized: VisualizedMap = VisualizedMap()
     are_headings_default: bool = False
     """Whether nodes have a heading only since nobody left it out."""
     is_order_newer: bool = False

@@ -71,6 +71,9 @@ _WHERE = (
     Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
     in_context("position-by-node", "A state without position; the robot is on its way from the last node.", "state"),
     Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
+    in_context(
+        "map-of-state", "Visualizations name another map than states at the same place; on that.", "visualization"
+    ),
     Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
     in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
     in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
