@@ -24,6 +24,8 @@ OWN_S, USUAL_S = 30.0, 240.0
 """Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+NOISE_M = 0.2
+"""A robot that stands by what it says drives only if it moves further."""
 LEAST_SPEED = 1e-3
 """Metres or radians a second. A limit below it is none that a robot can keep."""
 BOUNDED = 0.9
@@ -133,7 +135,8 @@ class Pace:
             return
         self._pass_corner(before, now)
         self._go_beyond(now)
-        if moved_m > DRIVES_MPS * lasted_s:
+        is_shown = moved_m > NOISE_M or max(_stated_mps(before), _stated_mps(now)) > DRIVES_MPS
+        if is_shown and moved_m > DRIVES_MPS * lasted_s:
             if self.kind is not None:
                 self._add(self.kind, lasted_s, moved_m / lasted_s)
             return
@@ -198,6 +201,10 @@ class Pace:
                 del by_kind[next(iter(by_kind))]
             part = FULL_TURN if kind == TURN else 0.5
             by_kind.setdefault(kind, ObservedSpeeds(window_s, part)).add(lasted_s, speed)
+
+
+def _stated_mps(sighting: Sighting) -> float:
+    return abs(sighting.linear_mps or 0.0)
 
 
 def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:

@@ -45,6 +45,8 @@ MOST_ROWS = 150
 """A path ends when it is this long."""
 AT_NODE_M = 0.1
 """A robot that stands is at a node that is nearer than this."""
+NOISE_M = 0.2
+"""Positions may be off by as much: the direction to a nearer place shows no corner."""
 TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
 ALONG_RAD = pi / 3
@@ -157,6 +159,7 @@ class _Walk:
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         self._speed_mps = speed_mps(pose.velocity)
+        self._is_moving = speed_mps(velocity) > DRIVES_MPS
         self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
         ahead = curve_ahead(pose.plan, self.rows[0][1:3])
@@ -267,13 +270,20 @@ class _Walk:
                 self._turn(edge.orientation_rad, edge, TURN_RAD)
             return
         yaw_rad = self._heading(atan2(dy, dx), from_rad, edge)
-        if not (is_first and self._speed_mps > DRIVES_MPS):  # under way it drives on in an arc
+        is_under_way = is_first and self._speed_mps > DRIVES_MPS  # it drives on in an arc
+        if not (is_under_way or self._goes_straight_on(yaw_rad)):
             self._turn(yaw_rad, edge, CORNER_RAD)
         most_mps = self._most_mps(edge)
         t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
         if self._is_last_needless(x, y, yaw_rad) and (datum, most_mps) == (self.datums[-1], self.most[-1]):
             del self.rows[-1], self.datums[-1], self.most[-1]
         self._add((t_s, x, y, yaw_rad), datum, most_mps)
+
+    def _goes_straight_on(self, yaw_rad: float) -> bool:
+        """Whether a robot under way heads so already, with only a place before that is so near that this is noise."""
+        if len(self.rows) != 2 or not self._is_moving or dist(self.rows[0][1:3], self.rows[1][1:3]) > NOISE_M:
+            return False
+        return abs(turn_between(self.rows[0][3], yaw_rad)) <= CORNER_RAD
 
     def _is_last_needless(self, x: float, y: float, yaw_rad: float) -> bool:
         """Whether the path is nearly the same without its last row, if it goes on to the given point."""

@@ -28,3 +28,11 @@ def test_a_robot_without_theta_heads_as_it_moved_last(vx: float, turns: bool) ->
     status = Listener().status_after(("order", order(T, nodes)), on_the_way, at_corner)
     assert (len(status.path.poses) > 1) is turns
     assert status.path.ends_s[1] - T - 4 == pytest.approx(5.0 + (pi / 2 if turns else 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize("place", [(9.9, 0.06), (9.95, -0.05), (10.05, 0.1)])
+def test_noise_of_a_position_near_a_node_is_no_corner(place: tuple[float, float]) -> None:
+    nodes = [node(0, 0.0), node(1, 10.0), node(2, 20.0)]
+    report = ("state", under_way(T, *place, nodes[1:], velocity={"vx": 1.0}))
+    path = Listener().status_after(("order", order(T, nodes)), report).path
+    assert [row[1:3] for row in path.poses] == [(10.0, 0.0), (20.0, 0.0)]
