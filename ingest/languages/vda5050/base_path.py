@@ -28,13 +28,11 @@ from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
 from ingest.languages.vda5050.seen.base_ends import speed_mps
+from ingest.languages.vda5050.seen.leg_ahead import leg_of
 from ingest.languages.vda5050.trajectories import (
     BEND_RAD,
-    Curve,
-    Point,
     Polyline,
     curve_ahead,
-    is_in_box,
     is_needless,
 )
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
@@ -49,8 +47,6 @@ NOISE_M = 0.2
 """Positions may be off by as much: the direction to a nearer place shows no corner."""
 TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
-ALONG_RAD = pi / 3
-"""A robot drives along a piece of its way if its direction differs by no more than this."""
 SHOWS_M = 0.5
 """A path with times that is longer shows how fast the robot drives."""
 PASSED_BY = 5
@@ -71,10 +67,12 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
-    walk, legs = _Walk(memory, pose), _legs_ahead(memory, state, findings)
+    walk, legs, passed = _Walk(memory, pose), _legs_ahead(memory, state, findings), _passed_place(memory, state)
     if walk.plan and not any(leg.place for leg in legs):
         legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
-    row = walk.leg_on(legs, state.position)
+    row = walk.leg_on(legs, state.position, passed)
+    if row and state.position and (state.position.x, state.position.y) == (pose.position.x, pose.position.y):
+        findings["node-passed"] = None
     legs = legs[row or 0 :]
     if not legs:
         return NO_DRIVE
@@ -142,6 +140,12 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
     return list(legs_of_state(state, order, findings))
 
 
+def _passed_place(memory: VdaMemory, state: StateMessage) -> NodePlace | None:
+    """Where the last node of a state is. None if its order does not say it."""
+    order = order_by(memory, state)
+    return order.nodes[passed].place if order and (passed := order.passed_by(state)) >= 0 else None
+
+
 class _Walk:
     """The needed rows of a path while it grows leg by leg. The first is the robot's pose or the end of its own path."""
 
@@ -177,46 +181,15 @@ class _Walk:
     def is_long(self) -> bool:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
-    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None) -> int | None:
-        """The row of the leg on which the robot is, which was at `start` when they remained. None if it is on none.
+    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None, passed: NodePlace | None) -> int | None:
+        """The row of the leg on which the robot is. None if it is on none. See `leg_of`.
 
         With a plan it is the first: `goes_along` leaves out what is passed.
         """
-        _, x, y, _ = self.rows[0]
-        if self.plan or start is None or (start.x, start.y) == (x, y):
+        if self.plan or start is None:
             return 0
-        at, found, nearest_m = (start.x, start.y), None, BESIDE_M
-        for row, leg in enumerate(legs[:MOST_ROWS]):
-            if leg.place is None:
-                break
-            end = (leg.place.x, leg.place.y)
-            away_m, is_along = self._beside(at, leg.edge.curve, end)
-            if row == 0 and away_m <= BESIDE_M and not (is_along or self._shows_direction(start)):
-                return 0
-            if is_along and away_m <= nearest_m:
-                found, nearest_m = row, away_m
-            elif found is not None:
-                break
-            at = end
-        return found
-
-    def _shows_direction(self, start: Position) -> bool:
-        """Whether the heading is where the robot drives to, since it drives, or has turned since it was at `start`."""
-        turn_rad = turn_between(nan if start.theta is None else start.theta, self.rows[0][3])
-        return self.own is not NO_PATH or self._speed_mps > DRIVES_MPS or abs(turn_rad) > ALONG_RAD
-
-    def _beside(self, start: Point, curve: Curve | None, end: Point) -> tuple[float, bool]:
-        """How far the robot is from the way of a leg, inf if surely over `BESIDE_M`, and whether it drives along it."""
-        here = self.rows[0][1:3]
-        if not is_in_box(here, (start, end, *(curve.points if curve else ())), BESIDE_M):
-            return inf, False
-        way = (start, *curve_ahead(curve, start), end)
-        near = nearest_place(way, *here)
-        return near.away_m, self._drives_along(way[near.end - 1], way[near.end])
-
-    def _drives_along(self, start: Point, end: Point) -> bool:
-        off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
-        return start != end and not abs(off_rad) > ALONG_RAD
+        is_under_way = self.own is not NO_PATH or self._is_moving
+        return leg_of(legs, start, passed, self.rows[0], self._way_rad, is_under_way=is_under_way)
 
     def next_on_plan(self, legs: Sequence[OrderLeg]) -> tuple[int, Nearest | None]:
         """How many of the legs the plan leads past, and where it comes to the node of the next for the first time.
