@@ -128,10 +128,10 @@ def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
-    """The legs that remain, in their order. The state says which, unless the order is newer or it has no nodes."""
+    """The legs that remain, in their order. The state says which, unless the order is newer or it never has nodes."""
     order = order_by(memory, state)
     is_newer = memory.is_order_newer and order is memory.orders[-1]
-    is_left_out = state.node_states is None and state.driving
+    is_left_out = state.driving and (state.node_states is None or not memory.lists_nodes)
     if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [leg for number, leg in order.legs() if number > passed]

@@ -183,6 +183,7 @@ def _with_state(memory: VdaMemory, state: StateMessage) -> dict[str, Any]:
     orders, outdated = swapped(memory.orders, memory.outdated, state)
     changes = {"state": state, "orders": orders, "outdated": outdated, "unheard": None}
     changes |= {"is_order_newer": False, "connection": "ONLINE"}
+    changes["lists_nodes"] = memory.lists_nodes or bool(state.node_states)
     if any(node.node_position for node in state.node_states or ()):
         ahead = (node.node_position for node in state.node_states or ())
         changes["are_headings_default"] = are_default(memory.are_headings_default, ahead, Findings())

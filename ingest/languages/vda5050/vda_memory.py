@@ -81,6 +81,8 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """Of all orders."""
     unheard: Order | None = None
     """What is known of the order of the newest state, if that was not heard."""
+    lists_nodes: bool = False
+    """Whether any state named nodes that remain."""
     visualized: VisualizedMap = VisualizedMap()
     are_headings_default: bool = False
     """Whether nodes have a heading only since nobody left it out."""
