@@ -59,7 +59,8 @@ def placed(
     leg = next(legs_of_state(state, order, Findings()), None)
     start = last.x, last.y
     if leg is None or leg.place is None:
-        return Position(*start, last.theta, last.map_id) if since_m == 0.0 or leg is None else None
+        theta = before.theta if before else last.theta
+        return Position(*start, theta, last.map_id) if since_m == 0.0 or leg is None else None
     point, direction_rad = _at((start, *curve_ahead(leg.edge.curve, start), (leg.place.x, leg.place.y)), since_m)
     if since_m <= AT_NODE_M and before is not None:
         return Position(*point, before.theta, last.map_id)
