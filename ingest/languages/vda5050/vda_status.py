@@ -62,9 +62,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         return None
     position, stamp = pose.position, pose.stamp
     operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
-    driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
-    if operational in WAITING and motion.linear_mps is None:  # it may drive, whatever it says that it does
-        driven = OrderedDrive(drive(memory, state, pose, Findings()).path, NO_PATH)
+    driven = _driven(memory, state, pose, operational, findings)
     basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
     path = pose.path if driven.path is NO_PATH else driven.path
     planned = _planned_end(pose.plan, stamp.t_s)
@@ -96,6 +94,18 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         heading_sent=beyond_turn(position.theta),
         sideways_rad=motion.sideways_rad,
     )
+
+
+def _driven(
+    memory: VdaMemory, state: StateMessage, pose: VdaPose, operational: str, findings: Findings
+) -> OrderedDrive:
+    """Where the robot drives by its order. One that says that it waits, and not how fast it is, may drive all the
+    same."""
+    if operational == "navigating":
+        return drive(memory, state, pose, findings)
+    if operational in WAITING and pose.motion is not pose.velocity:
+        return OrderedDrive(drive(memory, state, pose, Findings()).path, NO_PATH)
+    return NO_DRIVE
 
 
 def datum_of(position: Position, findings: Findings) -> str:

@@ -126,9 +126,9 @@ def test_nodes_that_a_state_never_stops_naming_do_not_send_the_robot_back(
 def test_a_robot_that_never_names_nodes_drives_to_those_of_its_order_after_its_last() -> None:
     nodes = [node(0, 0.0), node(1, 10.0), node(2, 10.0, 8.0)]
     passed = {"lastNodeId": "n0", "lastNodeSequenceId": 0}
-    told = ("order", order(T, nodes))
-    status = Listener().status_after(told, ("state", under_way(T, 5.0, 0.0, [], **passed)))
+    ordered = ("order", order(T, nodes))
+    status = Listener().status_after(ordered, ("state", under_way(T, 5.0, 0.0, [], **passed)))
     assert [row[1:3] for row in status.path.poses][-1] == (10.0, 8.0)
     cancelled = ("state", under_way(T + 1, 6.0, 0.0, [], **passed))
-    status = Listener().status_after(told, ("state", under_way(T, 5.0, 0.0, nodes[1:])), cancelled)
+    status = Listener().status_after(ordered, ("state", under_way(T, 5.0, 0.0, nodes[1:])), cancelled)
     assert not status.path.poses, "it named them before"
