@@ -180,7 +180,8 @@ def _is_plausible(before: Pose, now: Pose, speed_mps: float, turn_radps: float, 
     if abs(reported_rad - observed_rad) > limits.turned_rad and abs(observed_rad) < abs(reported_rad) / 2:
         return False
     if moved2 < limits.moved_m * limits.moved_m * NEARLY:
-        return True
+        least_m = max(limits.moved_m, limits.drives_mps * gap_s)
+        return bool(abs(speed_mps) * gap_s <= limits.most_as_moved * least_m * NEARLY)
     return abs(speed_mps) > limits.stands_mps and _is_along(before, now, speed_mps, limits)
 
 

@@ -82,6 +82,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Whether it drives by this and the sighting before."""
     stated_share: float = 1.0
     """Its speed, as stated, as a share of that of the move since the sighting before; 1 if they are near each other."""
+    same_place_s: float = 0.0
+    """For how long it was at one place, while it said that it drives."""
+    place_every_s: float = 0.0
+    """For how long it was so at most before it was seen to have driven on."""
     is_overruled: bool = False
     """Whether its speed was observed, since that was stated otherwise twice."""
     state: str = ""

@@ -40,7 +40,7 @@ def is_out_of_reach(before: Sighting, now: Sighting, doubt_m: float, max_speed_m
     """Whether a robot that stood or was silent can't have driven from one sighting to the other, which is later. A
     change of floor is never out of reach: there are lifts."""
     took_s = now.t_s - before.t_s
-    stood = not before.is_driving and before.linear_mps is not None
+    stood = not before.is_driving and before.linear_mps is not None and not before.same_place_s
     if before.floor != now.floor or not (stood or took_s > SILENT_S):
         return False
     fastest_mps = FASTER * (max_speed_mps or PLAUSIBLE_SPEED_MPS)

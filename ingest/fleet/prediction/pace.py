@@ -5,8 +5,10 @@ A vendor's robots are observed by kind of way: the speed that is allowed there, 
 over a window of motion is not moved by starts and stops, and follows a change of firmware once the window has passed.
 """
 
+from bisect import bisect_left
 from collections import OrderedDict, deque
-from math import ceil, cos, hypot, inf, isfinite, sin
+from itertools import accumulate
+from math import cos, hypot, inf, isfinite, sin
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Knot, Sighting
@@ -22,12 +24,16 @@ OWN_S, USUAL_S = 30.0, 240.0
 """Motion over which the speeds of a robot, and of a model, are kept. All robots of a model share the second."""
 SPACED_S, APART_S = 0.45, 35.0
 """Sightings nearer in time show more noise than motion, those further apart do not show how a robot drives."""
+NOISE_M = 0.2
+"""A robot that stands by what it says drives only if it moves further."""
 LEAST_SPEED = 1e-3
 """Metres or radians a second. A limit below it is none that a robot can keep."""
 BOUNDED = 0.9
 """A robot that drives this share of its limit is bounded by it, and drives faster where more is allowed."""
 LEAST_SHARE = 0.2
 """A robot that stops at the end of most of its paths is thought to go on this much of its speed."""
+NEARLY = 1.0 - 1e-9
+"""So that sums that are equal but for rounding are."""
 MOST_MODELS, MOST_KINDS = 1000, 12
 UNSLOWED = 0.9
 """A robot that keeps this share of its speed does not brake."""
@@ -77,8 +83,9 @@ class ObservedSpeeds:
     @property
     def usual(self) -> float:
         if self._usual is None:
-            speeds = sorted(speed for _, speed in self._samples)
-            self._usual = speeds[ceil(self._part * len(speeds)) - 1]
+            speeds = sorted((speed, lasted_s) for lasted_s, speed in self._samples)
+            lasted_s = list(accumulate(lasts_s for _, lasts_s in speeds))
+            self._usual = speeds[bisect_left(lasted_s, self._part * lasted_s[-1] * NEARLY)][0]
         return self._usual
 
 
@@ -128,7 +135,8 @@ class Pace:
             return
         self._pass_corner(before, now)
         self._go_beyond(now)
-        if moved_m > DRIVES_MPS * lasted_s:
+        is_shown = moved_m > NOISE_M or max(_stated_mps(before), _stated_mps(now)) > DRIVES_MPS
+        if is_shown and moved_m > DRIVES_MPS * lasted_s:
             if self.kind is not None:
                 self._add(self.kind, lasted_s, moved_m / lasted_s)
             return
@@ -193,6 +201,10 @@ class Pace:
                 del by_kind[next(iter(by_kind))]
             part = FULL_TURN if kind == TURN else 0.5
             by_kind.setdefault(kind, ObservedSpeeds(window_s, part)).add(lasted_s, speed)
+
+
+def _stated_mps(sighting: Sighting) -> float:
+    return abs(sighting.linear_mps or 0.0)
 
 
 def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:

@@ -3,7 +3,7 @@
 Sources: the readings of A1, A6 to A8, A13 and A16 in practice, and clause 5.4 of the standard.
 """
 
-from math import atan2, copysign, cos, hypot, isnan, pi, radians, sin
+from math import atan2, copysign, cos, hypot, inf, isinf, isnan, pi, radians, sin
 
 from msgspec.structs import replace
 
@@ -39,6 +39,10 @@ DRIFT_RAD = 0.25
 """A move this far off the heading, twice, shows in which direction a robot drives despite the noise of positions."""
 SPEED_AS_MOVED = 0.5, 1.5
 """A speed between these shares of the observed one is that of the move."""
+FASTEST_MPS = 10.0
+"""No robot of a floor is faster."""
+PLACES_LATE = 1.5
+"""A place may be the same for so many times the longest time that it was before."""
 ALIKE = 1.25
 """Two shares that differ by no more than this factor are of one cause, such as another unit."""
 
@@ -96,6 +100,7 @@ def in_motion(before: Sighting, now: Sighting) -> Sighting:
         now,
         is_driving=is_driving,
         moves_anyway=moves_anyway,
+        place_every_s=max(now.place_every_s, before.place_every_s),
         interval_s=gap_s,
         standing_s=standing_s,
         turned_rad=turned_rad,
@@ -151,9 +156,15 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
     """The same for two sightings near in time, which also show what contradicts the motion."""
     now, findings = _with_turn(before, now, gap_s)
     moved_m = hypot(now.x_m - before.x_m, now.y_m - before.y_m)
-    share, share_before = _stated_share(before, now, moved_m / gap_s), before.stated_share
-    now, stands_twice = replace(now, stated_share=share), _stands(before) and _stands(now)
-    if share != 1.0 and (stands_twice or max(share, share_before) <= ALIKE * min(share, share_before)):
+    moved_mps = moved_m / gap_s
+    share, share_before = _stated_share(before, now, moved_mps), before.stated_share
+    now, stands_twice = (
+        _with_place_age(before, replace(now, stated_share=share), moved_m, gap_s),
+        _stands(before) and _stands(now),
+    )
+    is_again = stands_twice or max(share, share_before) <= ALIKE * min(share, share_before)
+    is_no_speed = abs(now.linear_mps or 0.0) > FASTEST_MPS and moved_mps <= FASTEST_MPS / 2
+    if is_no_speed or (share != 1.0 and is_again and not _may_be_old(now)):
         now, findings = replace(now, linear_mps=None, is_overruled=True), (*findings, "speed-contradicts-motion")
     if now.linear_mps is None or isnan(now.yaw_rad):
         return _observed(before, now, gap_s), findings
@@ -175,16 +186,35 @@ def _compared(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, 
 def _stated_share(before: Sighting, now: Sighting, moved_mps: float) -> float:
     """The stated speed as a share of that of the move since the sighting before, if it is not nearly that; else 1.
 
-    A robot that hardly moves, or turned a corner, shows nothing; nor does one that moves as fast as no robot.
+    A robot that turned a corner shows nothing; nor does one that moves as fast as no robot. One that hardly moves
+    stands, if it would have moved by far more at the stated speed.
     """
-    least_mps = max(MOVED_M / (now.t_s - before.t_s), DRIVES_MPS)
-    if now.linear_mps is None or not least_mps < moved_mps <= PLAUSIBLE_SPEED_MPS:
+    least_mps, (least, most) = max(MOVED_M / (now.t_s - before.t_s), DRIVES_MPS), SPEED_AS_MOVED
+    if now.linear_mps is None or moved_mps > PLAUSIBLE_SPEED_MPS:
         return 1.0
+    if moved_mps <= least_mps:
+        return inf if abs(now.linear_mps) > most * least_mps else 1.0
     if _stands(now):
         return 0.0
-    share, (least, most) = abs(now.linear_mps) / moved_mps, SPEED_AS_MOVED
+    share = abs(now.linear_mps) / moved_mps
     has_turned = abs(turn_between(before.yaw_rad, now.yaw_rad)) > CORNER_RAD
     return 1.0 if has_turned or least <= share <= most else share
+
+
+def _with_place_age(before: Sighting, now: Sighting, moved_m: float, gap_s: float) -> Sighting:
+    """`now` with how long its place has been the same, and how long that was at most before it moved on as it said.
+
+    Some robots have a new place only at marks along their line, or every few seconds.
+    """
+    same_s, same_before_s = (before.same_place_s + gap_s if isinf(now.stated_share) else 0.0), before.same_place_s
+    caught_up = same_before_s > 0.0 and moved_m >= SPEED_AS_MOVED[0] * abs(now.linear_mps or inf) * same_before_s
+    longest_s = max(before.place_every_s, same_before_s + gap_s) if caught_up and not same_s else before.place_every_s
+    return replace(now, same_place_s=same_s, place_every_s=longest_s)
+
+
+def _may_be_old(now: Sighting) -> bool:
+    """Whether the place of a robot that stands by it may only not have been renewed."""
+    return 0.0 < now.same_place_s <= PLACES_LATE * now.place_every_s
 
 
 def _with_turn(before: Sighting, now: Sighting, gap_s: float) -> tuple[Sighting, tuple[str, ...]]:

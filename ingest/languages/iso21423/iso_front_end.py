@@ -84,7 +84,9 @@ def _read(
     if "key-spelling" in findings and resource not in memory.respelt:
         memory = replace(memory, respelt=memory.respelt | {resource})
     stamp = stamp_of(message.timestamp, findings)
-    heard, stamp, is_used = heard_after(memory.heard.get(resource), message, stamp, findings, arrival_s)
+    has_pose = isinstance(message, OdometryMessage)
+    last = memory.heard.get(resource)
+    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, has_pose=has_pose)
     if heard:
         memory = replace(memory, heard=memory.heard | {resource: heard})
     if not is_used:

@@ -38,7 +38,11 @@ _KEYS = (
     Rule("key-unknown", "The standard does not have this key, but one like it; not used.", "JSON"),
     *word_rules("status"),
     *stamp_rules("times"),
-    in_context("message-repeated", "The same message came again, as from a second broker; not used.", "times"),
+    in_context(
+        "message-repeated",
+        "The same message came again, as from a second broker; not used. A pose keeps the robot heard after 5 s.",
+        "times",
+    ),
     *late_rules("times"),
 )
 _WHO = (

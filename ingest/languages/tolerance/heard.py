@@ -13,6 +13,9 @@ STEPPED_BACK = 3
 RESTARTED, RESTARTED_S = 20, 5.0
 """After so many older messages in a row, and so long, the sender counts anew if their numbers are lower, too. A broker
 that kept messages back sends such ones as well."""
+REPEATS_S = 5.0
+"""A second broker repeats a message sooner. One with a pose that comes again later is of a robot that stands, with a
+clock and a counter that stand, too."""
 SOONER_S = 1.0
 """Messages that follow each other sooner than they were sent, by more than this, were kept back: no row goes on."""
 
@@ -32,6 +35,8 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
     """When the first one arrived."""
     late_s: float = nan
     """That minus its stamp."""
+    came_s: float = nan
+    """When this message arrived."""
 
     def is_newer_than(self, later: "Heard", arrival_s: float) -> bool:
         """Whether a message that came later is older. A sender whose clock was set back may still count its messages.
@@ -65,18 +70,20 @@ def heard_after(
     findings: Findings,
     arrival_s: float,
     header_id: int | None = None,
+    *,
+    has_pose: bool,
 ) -> tuple[Heard | None, Stamp, bool]:
     """What is kept from now on, the stamp, and whether the message is used, which came after `last` of its topic.
 
-    One that is repeated, or older, is not. One with the stamp of the last has none that can be used, see
-    `has_header_of`. None is kept of one that is repeated or has no stamp.
+    One that is repeated, or older, is not, but for a pose that comes again after `REPEATS_S`. One with the stamp of the
+    last has none that can be used, see `has_header_of`. None is kept of one that is repeated or has no stamp.
     """
     if not stamp.is_known:
         return None, stamp, True
-    heard = Heard(hash(msgspec.json.encode(message)), stamp.t_s, header_id)
+    heard = Heard(hash(msgspec.json.encode(message)), stamp.t_s, header_id, came_s=arrival_s)
     if last and last.content_hash == heard.content_hash:
         findings["message-repeated"] = None
-        return None, stamp, False
+        return None, stamp, has_pose and arrival_s - last.came_s > REPEATS_S
     if last and last.is_newer_than(heard, arrival_s):
         findings["message-reordered"] = None
         return last.after_older(heard, arrival_s), stamp, False

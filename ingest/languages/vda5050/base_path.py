@@ -26,15 +26,13 @@ from ingest.frames.assumed_motion import (
 from ingest.frames.way_pieces import Nearest, nearest_place
 from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.base_ends import speed_mps
 from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
+from ingest.languages.vda5050.seen.base_ends import speed_mps
+from ingest.languages.vda5050.seen.leg_ahead import leg_of
 from ingest.languages.vda5050.trajectories import (
     BEND_RAD,
-    Curve,
-    Point,
     Polyline,
     curve_ahead,
-    is_in_box,
     is_needless,
 )
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
@@ -45,10 +43,10 @@ MOST_ROWS = 150
 """A path ends when it is this long."""
 AT_NODE_M = 0.1
 """A robot that stands is at a node that is nearer than this."""
+NOISE_M = 0.2
+"""Positions may be off by as much: the direction to a nearer place shows no corner."""
 TURN_RAD = 0.1
 """A node's or an edge's orientation is taken by a turn if it differs by more than this."""
-ALONG_RAD = pi / 3
-"""A robot drives along a piece of its way if its direction differs by no more than this."""
 SHOWS_M = 0.5
 """A path with times that is longer shows how fast the robot drives."""
 PASSED_BY = 5
@@ -69,10 +67,12 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
-    walk, legs = _Walk(memory, pose), _legs_ahead(memory, state, findings)
+    walk, legs, passed = _Walk(memory, pose), _legs_ahead(memory, state, findings), _passed_place(memory, state)
     if walk.plan and not any(leg.place for leg in legs):
         legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
-    row = walk.leg_on(legs, state.position)
+    row = walk.leg_on(legs, state.position, passed)
+    if row and state.position and (state.position.x, state.position.y) == (pose.position.x, pose.position.y):
+        findings["node-passed"] = None
     legs = legs[row or 0 :]
     if not legs:
         return NO_DRIVE
@@ -121,22 +121,29 @@ def _path(rows: list[Row], datums: list[str], most: Sequence[float] = (), *, end
 
 
 def order_by(memory: VdaMemory, state: StateMessage) -> Order | None:
-    """The newest order that a state is about."""
+    """The newest order that the newest state is about, or else what is known of its nodes."""
     order_id = state.order_id or None if state.node_states else state.order_id
-    return next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+    heard = next((order for order in reversed(memory.orders) if order.is_meant_by(order_id)), None)
+    return heard or memory.unheard
 
 
 def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> list[OrderLeg]:
-    """The legs that remain, in their order. The state says which, unless the order is newer or it has no nodes."""
+    """The legs that remain, in their order. The state says which, unless the order is newer or it never has nodes."""
     order = order_by(memory, state)
     is_newer = memory.is_order_newer and order is memory.orders[-1]
-    is_left_out = state.node_states is None and state.driving
+    is_left_out = state.driving and (state.node_states is None or not memory.lists_nodes)
     if order and (is_newer or (is_left_out and order.passed_by(state) >= 0)):
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [leg for number, leg in order.legs() if number > passed]
-    if state.node_states and order is None:
+    if state.node_states and order is memory.unheard:
         findings["order-unseen"] = None
     return list(legs_of_state(state, order, findings))
+
+
+def _passed_place(memory: VdaMemory, state: StateMessage) -> NodePlace | None:
+    """Where the last node of a state is. None if its order does not say it."""
+    order = order_by(memory, state)
+    return order.nodes[passed].place if order and (passed := order.passed_by(state)) >= 0 else None
 
 
 class _Walk:
@@ -144,22 +151,25 @@ class _Walk:
 
     def __init__(self, memory: VdaMemory, pose: VdaPose) -> None:
         position, self._abilities = pose.position, memory.abilities
-        yaw_rad = nan if position.theta is None else remainder(position.theta, 2 * pi)
+        velocity = pose.motion
+        yaw_rad = remainder(_heading_rad(pose) if position.theta is None else position.theta, 2 * pi)
         self.own = pose.path if pose.path.in_order and pose.path.ends_s[1] > pose.stamp.t_s else NO_PATH
         """The robot's own path, if its times are in order and reach beyond the pose."""
         before = ((pose.stamp.t_s, position.x, position.y, yaw_rad), *self.own.poses)
-        self._way_rad, self._own_mps = _motion(before, pose.velocity)
+        self._way_rad, self._own_mps = _motion(before, velocity)
         """The direction in which the robot drives there, nan if unknown; its speed by its own path, 0 without one."""
         self.rows: list[Row] = [(*before[-1][:3], self._way_rad if isnan(before[-1][3]) else before[-1][3])]
         self.datums = [datum_name(position.map_id)]
         self.most = [inf]
         """The greatest speed to each row, or the greatest turn rate; inf if none is stated."""
         self._speed_mps = speed_mps(pose.velocity)
-        self._is_backwards = bool(pose.velocity and (pose.velocity.vx or 0.0) < 0.0)
+        self._is_moving = speed_mps(velocity) > DRIVES_MPS
+        self._is_backwards = bool(velocity and (velocity.vx or 0.0) < 0.0)
         self._until_s = pose.stamp.t_s + LONGEST_S
         ahead = curve_ahead(pose.plan, self.rows[0][1:3])
         self.plan: Polyline = (self.rows[0][1:3], *ahead) if ahead else ()
         """The way that the robot plans, from the last row on."""
+        self._turns_at_nodes = not memory.are_headings_default or memory.abilities.is_omnidirectional
         self._is_of_order = not memory.is_order_newer
         """Whether that can be for the newest order."""
 
@@ -171,46 +181,15 @@ class _Walk:
     def is_long(self) -> bool:
         return self.rows[-1][0] > self._until_s or len(self.rows) > MOST_ROWS
 
-    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None) -> int | None:
-        """The row of the leg on which the robot is, which was at `start` when they remained. None if it is on none.
+    def leg_on(self, legs: Sequence[OrderLeg], start: Position | None, passed: NodePlace | None) -> int | None:
+        """The row of the leg on which the robot is. None if it is on none. See `leg_of`.
 
         With a plan it is the first: `goes_along` leaves out what is passed.
         """
-        _, x, y, _ = self.rows[0]
-        if self.plan or start is None or (start.x, start.y) == (x, y):
+        if self.plan or start is None:
             return 0
-        at, found, nearest_m = (start.x, start.y), None, BESIDE_M
-        for row, leg in enumerate(legs[:MOST_ROWS]):
-            if leg.place is None:
-                break
-            end = (leg.place.x, leg.place.y)
-            away_m, is_along = self._beside(at, leg.edge.curve, end)
-            if row == 0 and away_m <= BESIDE_M and not (is_along or self._shows_direction(start)):
-                return 0
-            if is_along and away_m <= nearest_m:
-                found, nearest_m = row, away_m
-            elif found is not None:
-                break
-            at = end
-        return found
-
-    def _shows_direction(self, start: Position) -> bool:
-        """Whether the heading is where the robot drives to, since it drives, or has turned since it was at `start`."""
-        turn_rad = turn_between(nan if start.theta is None else start.theta, self.rows[0][3])
-        return self.own is not NO_PATH or self._speed_mps > DRIVES_MPS or abs(turn_rad) > ALONG_RAD
-
-    def _beside(self, start: Point, curve: Curve | None, end: Point) -> tuple[float, bool]:
-        """How far the robot is from the way of a leg, inf if surely over `BESIDE_M`, and whether it drives along it."""
-        here = self.rows[0][1:3]
-        if not is_in_box(here, (start, end, *(curve.points if curve else ())), BESIDE_M):
-            return inf, False
-        way = (start, *curve_ahead(curve, start), end)
-        near = nearest_place(way, *here)
-        return near.away_m, self._drives_along(way[near.end - 1], way[near.end])
-
-    def _drives_along(self, start: Point, end: Point) -> bool:
-        off_rad = turn_between(self._way_rad, atan2(end[1] - start[1], end[0] - start[0]))
-        return start != end and not abs(off_rad) > ALONG_RAD
+        is_under_way = self.own is not NO_PATH or self._is_moving
+        return leg_of(legs, start, passed, self.rows[0], self._way_rad, is_under_way=is_under_way)
 
     def next_on_plan(self, legs: Sequence[OrderLeg]) -> tuple[int, Nearest | None]:
         """How many of the legs the plan leads past, and where it comes to the node of the next for the first time.
@@ -235,7 +214,7 @@ class _Walk:
             way = way or curve_ahead(edge.curve, self.rows[-1][1:3])
         for x, y in (*way, end):
             self._turn_and_drive(x, y, edge, datum)
-        if place.theta is not None:
+        if place.theta is not None and self._turns_at_nodes:
             self._turn(place.theta, edge, max(place.allowed_deviation_theta or 0.0, TURN_RAD))
 
     def destinations(self, legs: list[OrderLeg], base_end: tuple[Row, str], driven: int) -> Path:
@@ -264,13 +243,20 @@ class _Walk:
                 self._turn(edge.orientation_rad, edge, TURN_RAD)
             return
         yaw_rad = self._heading(atan2(dy, dx), from_rad, edge)
-        if not (is_first and self._speed_mps > DRIVES_MPS):  # under way it drives on in an arc
+        is_under_way = is_first and self._speed_mps > DRIVES_MPS  # it drives on in an arc
+        if not (is_under_way or self._goes_straight_on(yaw_rad)):
             self._turn(yaw_rad, edge, CORNER_RAD)
         most_mps = self._most_mps(edge)
         t_s = self.rows[-1][0] + length_m / self._assumed_mps(most_mps)
         if self._is_last_needless(x, y, yaw_rad) and (datum, most_mps) == (self.datums[-1], self.most[-1]):
             del self.rows[-1], self.datums[-1], self.most[-1]
         self._add((t_s, x, y, yaw_rad), datum, most_mps)
+
+    def _goes_straight_on(self, yaw_rad: float) -> bool:
+        """Whether a robot under way heads so already, with only a place before that is so near that this is noise."""
+        if len(self.rows) != 2 or not self._is_moving or dist(self.rows[0][1:3], self.rows[1][1:3]) > NOISE_M:
+            return False
+        return abs(turn_between(self.rows[0][3], yaw_rad)) <= CORNER_RAD
 
     def _is_last_needless(self, x: float, y: float, yaw_rad: float) -> bool:
         """Whether the path is nearly the same without its last row, if it goes on to the given point."""
@@ -315,6 +301,12 @@ class _Walk:
         """A speed for times that nobody has observed yet."""
         mps = min(most_mps, self._own_mps or inf)
         return max(mps, DRIVES_MPS) if isfinite(mps) else max(self._speed_mps, ASSUMED_MPS)
+
+
+def _heading_rad(pose: VdaPose) -> float:
+    """The heading of a robot that does not say it, as it moved last; nan if it was not seen to move."""
+    backs_rad = pi if pose.velocity and (pose.velocity.vx or 0.0) < 0.0 else 0.0
+    return pose.travel.direction_rad + backs_rad
 
 
 def _motion(rows: Sequence[Row], velocity: Velocity2d | None) -> tuple[float, float]:

@@ -8,6 +8,7 @@ remaining nodes, and the order where these are.
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
+from math import inf
 from typing import Any
 from uuid import UUID, uuid5
 
@@ -20,9 +21,12 @@ from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import Heard, heard_after
 from ingest.languages.tolerance.tolerant_json import stamp_of
 from ingest.languages.vda5050 import factsheets
-from ingest.languages.vda5050.base_ends import is_under_way
 from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
+from ingest.languages.vda5050.seen.base_ends import is_under_way
+from ingest.languages.vda5050.seen.default_headings import are_default
+from ingest.languages.vda5050.seen.line_guided import Along, along_now, placed
+from ingest.languages.vda5050.seen.travels import travel_to
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -77,7 +81,8 @@ def _read(
     has_no_time = isinstance(message, FactsheetMessage) and not message.timestamp
     stamp = timestamps.NO_STAMP if has_no_time else stamp_of(message.timestamp, findings)
     last = None if _is_last_will(message) else memory.heard.get(kind)
-    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, message.header_id)
+    has_pose = isinstance(message, VdaMotion)
+    heard, stamp, is_used = heard_after(last, message, stamp, findings, arrival_s, message.header_id, has_pose=has_pose)
     changes: dict[str, Any] = {"heard": memory.heard | {kind: heard}} if heard else {}
     if not is_used:
         return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes) if changes else memory
@@ -104,6 +109,8 @@ def _with_order(memory: VdaMemory, newest: Order, findings: Findings) -> VdaMemo
     bases = memory.bases
     if is_base_extended(memory.orders, orders[-1]) and memory.state and memory.pose:
         bases = bases.after(in_time=is_under_way(memory.state, memory.pose.velocity))
+    default = are_default(memory.are_headings_default, (node.place for node in orders[-1].nodes.values()), findings)
+    memory = msgspec.structs.replace(memory, ways=memory.ways.after(newest), are_headings_default=default)
     return msgspec.structs.replace(memory, orders=orders, outdated=None, is_order_newer=True, bases=bases)
 
 
@@ -139,39 +146,84 @@ def _read_motion(
     findings: Findings,
 ) -> tuple[Message, VdaMemory]:
     """What a state or a visualization says. `changes` are those of the memory by any message."""
-    position = message.position
     own_stamp = stamp if stamp.is_known else unstamped(message.intermediate_path)
     changes = changes | {"plans": plans_after(memory.plans, message, topic.kind, own_stamp.t_s, findings)}
     if isinstance(message, StateMessage):
-        orders, outdated = swapped(memory.orders, memory.outdated, message)
-        changes |= {"state": message, "orders": orders, "outdated": outdated}
-        changes |= {"is_order_newer": False, "connection": "ONLINE"}
+        changes |= _with_state(memory, message)
+    after = msgspec.structs.replace(memory, **changes)
+    position, along = _position(message, own_stamp.t_s, after, findings)
     if position is None:
-        key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
-        findings.note("position-missing", key, None, "where it was last seen")
-    elif not (abs(position.x) <= MAX_POSITION and abs(position.y) <= MAX_POSITION):
+        pose = msgspec.structs.replace(memory.pose, along=along) if memory.pose and along else memory.pose
+        return update_of(topic.sender.uuid, findings), msgspec.structs.replace(after, pose=pose)
+    if not (abs(position.x) <= MAX_POSITION and abs(position.y) <= MAX_POSITION):
         raise RejectedError("position-absurd", f"position {position.x:g}, {position.y:g} is off any floor; send metres")
-    elif memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
+    if memory.pose and _is_late(stamp, memory.pose.stamp, memory.heard.get(topic.kind)):
         findings["stamp-not-increasing"] = None
-    else:
-        signed_off = memory.heard.get("connection")
-        if not (signed_off and stamp.t_s <= signed_off.stamp_s):
-            changes |= {"connection": "ONLINE"}
-        memory = msgspec.structs.replace(memory, **changes)
-        position = _on_known_map(position, message, memory, findings)
-        path, plan = newest_plans(memory.plans, topic.kind, stamp.t_s, position)
-        memory = msgspec.structs.replace(memory, pose=VdaPose(own_stamp, position, message.velocity, path, plan))
-        status = status_of(topic.sender.uuid, memory, findings)
-        return status or update_of(topic.sender.uuid, findings), memory
-    return update_of(topic.sender.uuid, findings), msgspec.structs.replace(memory, **changes)
+        return update_of(topic.sender.uuid, findings), after
+    signed_off = memory.heard.get("connection")
+    if not (signed_off and stamp.t_s <= signed_off.stamp_s):
+        after = msgspec.structs.replace(after, connection="ONLINE")
+    visualized = after.visualized
+    if not isinstance(message, StateMessage):
+        visualized = visualized.after_visualization(own_stamp.t_s, position)
+    after = msgspec.structs.replace(after, visualized=visualized)
+    position = _on_known_map(position, message, after, findings)
+    if isinstance(message, StateMessage):
+        after = msgspec.structs.replace(after, visualized=visualized.after_state(own_stamp.t_s, position))
+    path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
+    travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
+    pose = VdaPose(own_stamp, position, message.velocity, path, plan, travel, along)
+    after = msgspec.structs.replace(after, pose=pose)
+    status = status_of(topic.sender.uuid, after, findings)
+    return status or update_of(topic.sender.uuid, findings), after
+
+
+def _with_state(memory: VdaMemory, state: StateMessage) -> dict[str, Any]:
+    """The changes of the memory by a state."""
+    orders, outdated = swapped(memory.orders, memory.outdated, state)
+    changes = {"state": state, "orders": orders, "outdated": outdated, "unheard": None}
+    changes |= {"is_order_newer": False, "connection": "ONLINE"}
+    changes["lists_nodes"] = memory.lists_nodes or bool(state.node_states)
+    if any(node.node_position for node in state.node_states or ()):
+        ahead = (node.node_position for node in state.node_states or ())
+        changes["are_headings_default"] = are_default(memory.are_headings_default, ahead, Findings())
+    if order_by(msgspec.structs.replace(memory, **changes), state) is None:
+        changes["unheard"] = memory.ways.order_for(state, state.position, orders)
+    return changes
+
+
+def _position(
+    message: VdaMotion, t_s: float, memory: VdaMemory, findings: Findings
+) -> tuple[Position | None, Along | None]:
+    """Where the robot is. If it does not say it, or says 0, 0 since it does not know, that follows from its last node,
+    which may be far back.
+    """
+    position = message.position
+    if position and not (position.is_lost and position.x == position.y == 0.0):
+        return position, None
+    key, along = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition", None
+    before = memory.pose
+    if isinstance(message, StateMessage) and (before is None or before.gives_way_to_nodes(t_s)):
+        along = along_now(before.along if before else None, message, t_s)
+        was_at = before.position if before else None
+        if at := placed(message, order_by(memory, message), memory.ways, along.since_m, was_at):
+            findings.note("position-by-node", key, None, f"{along.since_m:.1f} m after node {message.last_node_id}")
+            return at, along
+    if position is None:
+        findings.note("position-missing", key, None, "where it was last seen")
+    return position, along
 
 
 def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:
     """The position. One that names no map is on that of the nodes of its state, or else on the robot's last one.
 
     Those of the order count from the last one that the robot has passed.
-    Programs that do not know yet where the robot is send zeros without a map.
+    Programs that do not know yet where the robot is send zeros without a map. The name that visualizations have for the
+    map of the states stands for that.
     """
+    if not isinstance(message, StateMessage) and (stated := memory.visualized.map_of(position)):
+        findings.note("map-of-state", f"{position.key}.mapId", position.map_id, stated)
+        return msgspec.structs.replace(position, map_id=stated)
     if datum_name(position.map_id) or position.is_lost:
         return position
     places: list[NodePlace | None] = []
@@ -191,11 +243,13 @@ def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, fin
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
     """Whether a pose was overtaken by one of another topic. `last` is the message before of its own topic.
 
-    If it is older than that one, or much older than the newest pose, the robot's clock was set back.
+    If it is older than that one, or much older than the newest pose, the robot's clock was set back. One that is
+    repeated was not.
     """
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):
         return False
-    return 0.0 < newest.t_s - stamp.t_s <= OVERTAKEN_S
+    is_repeated = last is not None and stamp.t_s == last.stamp_s
+    return 0.0 < newest.t_s - stamp.t_s <= (inf if is_repeated else OVERTAKEN_S)
 
 
 class VdaFrontEnd(TopicFrontEnd):

@@ -1,12 +1,18 @@
 """What is kept of a robot between two of its messages."""
 
+from math import isnan
+
 import msgspec
 
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
-from ingest.languages.vda5050.base_ends import BaseEnds
 from ingest.languages.vda5050.orders import Order
+from ingest.languages.vda5050.seen.base_ends import BaseEnds
+from ingest.languages.vda5050.seen.known_ways import KnownWays
+from ingest.languages.vda5050.seen.line_guided import Along
+from ingest.languages.vda5050.seen.travels import OBSERVABLE_S, Travel
+from ingest.languages.vda5050.seen.visualized_maps import VisualizedMap
 from ingest.languages.vda5050.trajectories import Curve
 from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
 
@@ -31,6 +37,21 @@ class VdaPose(msgspec.Struct, frozen=True, gc=False):
     """That it plans itself, with its own times."""
     plan: Curve | None
     """The way that it plans, without times."""
+    travel: Travel
+    along: Along | None = None
+    """How it was placed, if it did not say where it is."""
+
+    def gives_way_to_nodes(self, t_s: float) -> bool:
+        """Whether the nodes that the robot passes say more of its place, since it last said that long before."""
+        return self.along is not None or t_s > self.stamp.t_s + OBSERVABLE_S
+
+    @property
+    def motion(self) -> Velocity2d | None:
+        """The velocity as sent, else as observed."""
+        sent, seen = self.velocity, self.travel
+        if isnan(seen.direction_rad) or (sent and not (sent.vx is None and sent.vy is None)):
+            return sent
+        return Velocity2d(-seen.mps if seen.is_backwards else seen.mps, 0.0, sent.omega if sent else None)
 
 
 class Abilities(msgspec.Struct, frozen=True, gc=False):
@@ -56,6 +77,15 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """The last two, the newest last."""
     outdated: Order | None = None
     """The newest update that was older than its order, until a further order. The robot may have taken it."""
+    ways: KnownWays = KnownWays()
+    """Of all orders."""
+    unheard: Order | None = None
+    """What is known of the order of the newest state, if that was not heard."""
+    lists_nodes: bool = False
+    """Whether any state named nodes that remain."""
+    visualized: VisualizedMap = VisualizedMap()
+    are_headings_default: bool = False
+    """Whether nodes have a heading only since nobody left it out."""
     is_order_newer: bool = False
     """Whether the newest order came after the newest state, which therefore does not show it."""
     bases: BaseEnds = BaseEnds()

@@ -189,6 +189,7 @@ class StateMessage(VdaMotion, frozen=True):
     order_update_id: int | None = None
     last_node_id: str | None = None
     last_node_sequence_id: int | None = None
+    distance_since_last_node: float | None = None
     node_states: list[NodeState] | None = None
     edge_states: list[EdgeState] | None = None
     loads: list[Load] | None = None

@@ -41,7 +41,11 @@ _HEADER = (
     Rule("version-unknown", "The version is neither 2.x nor 3.x; read as these.", "header"),
     Rule("robot-not-of-topic", "The header names another robot than the topic; the topic holds.", "header"),
     *stamp_rules("header"),
-    in_context("message-repeated", "The same message came again, as from a second broker; not used.", "header"),
+    in_context(
+        "message-repeated",
+        "The same message came again, as from a second broker; not used. A pose keeps the robot heard after 5 s.",
+        "header",
+    ),
     *late_rules("header"),
 )
 _WHO = (
@@ -65,7 +69,11 @@ _STATE = (
 )
 _WHERE = (
     Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
+    in_context("position-by-node", "A state without position; the robot is on its way from the last node.", "state"),
     Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
+    in_context(
+        "map-of-state", "Visualizations name another map than states at the same place; on that.", "visualization"
+    ),
     Rule("heading-missing", "A position without theta; the direction of travel is used.", "state"),
     in_context("datum-unknown", "The site file does not have this map; it is a floor of its own.", "state"),
     in_context("datum-too-many", "More unknown maps of one vendor than are kept; compared with nothing.", "state"),
@@ -85,10 +93,13 @@ _WHERE_TO = (
     Rule("curves-too-many", "Curves of an order have over 12,000 control points; further edges are straight.", "order"),
     Rule("node-without-place", "Nobody said where a released node is; the path ends before it.", "order"),
     Rule(
-        "order-unseen", "A state names an order or node that was not heard; only what the state says is used.", "order"
+        "order-unseen",
+        "A state names an order or node that was not heard; its nodes are where it, or earlier orders, have them.",
+        "order",
     ),
     in_context("node-passed", "A state names nodes before the last one that the robot passed; left out.", "state"),
     in_context("node-place-zero", "A state has a node at 0, 0; it is where the order says.", "state"),
+    in_context("node-theta-zero", "All nodes have theta 0 on a way that leads across; left out.", "order"),
     in_context("order-outdated", "An update older than the order known; used while a state names it.", "order"),
     in_context("order-gap", "An update of an order does not continue its base; used from there on.", "order"),
     *point_rules("state"),

@@ -22,9 +22,9 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
-from ingest.languages.vda5050.base_ends import speed_mps
-from ingest.languages.vda5050.base_path import NO_DRIVE, drive, order_by
+from ingest.languages.vda5050.base_path import NO_DRIVE, OrderedDrive, drive, order_by
 from ingest.languages.vda5050.orders import is_released, states_ahead
+from ingest.languages.vda5050.seen.base_ends import speed_mps
 from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
@@ -40,6 +40,7 @@ from ingest.sizes.stated_loads import StatedLoad
 
 MOST_WAYPOINTS = 200
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
+WAITING = frozenset(("waitingExternalEvent", "waitingInternalEvent"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
 STANDING_REPORTS_S = 35.0
 """A robot that does not drive sends a state every 30 s. A few seconds are for the way to here."""
@@ -61,7 +62,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         return None
     position, stamp = pose.position, pose.stamp
     operational, motion = _operational_state(memory, state, pose), _motion(pose.velocity, findings)
-    driven = drive(memory, state, pose, findings) if operational == "navigating" else NO_DRIVE
+    driven = _driven(memory, state, pose, operational, findings)
     basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
     path = pose.path if driven.path is NO_PATH else driven.path
     planned = _planned_end(pose.plan, stamp.t_s)
@@ -93,6 +94,18 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         heading_sent=beyond_turn(position.theta),
         sideways_rad=motion.sideways_rad,
     )
+
+
+def _driven(
+    memory: VdaMemory, state: StateMessage, pose: VdaPose, operational: str, findings: Findings
+) -> OrderedDrive:
+    """Where the robot drives by its order. One that says that it waits, and not how fast it is, may drive all the
+    same."""
+    if operational == "navigating":
+        return drive(memory, state, pose, findings)
+    if operational in WAITING and pose.motion is not pose.velocity:
+        return OrderedDrive(drive(memory, state, pose, Findings()).path, NO_PATH)
+    return NO_DRIVE
 
 
 def datum_of(position: Position, findings: Findings) -> str:

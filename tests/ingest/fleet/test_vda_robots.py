@@ -277,3 +277,27 @@ def test_a_robot_whose_clock_stands_is_placed_as_of_arrival(counts: int) -> None
     assert robot.seen is not None
     assert (robot.seen.x_m, robot.seen.t_s) == (2.9, NOW_S + 29)
     assert robot.deviations["stamp-unchanged"] == (27 if counts else 29)
+
+
+@pytest.mark.parametrize("spelling", ["the same", "another"])
+def test_a_parked_robot_that_repeats_its_state_with_clock_and_counter_standing_stays_heard(spelling: str) -> None:
+    of = floor_of()
+    for t_s in range(0, 600, 20):
+        raw = state(NOW_S, 3.0, headerId=1)
+        written = raw.replace(b": ", b":") if spelling == "another" and t_s % 40 else raw
+        tell(of, "state", written, NOW_S + t_s)
+        of.next_batch(NOW_S + t_s + 1)
+    (robot,) = of.robots.values()
+    assert robot.seen is not None
+    assert (robot.arrival_s, robot.seen.x_m) == (NOW_S + 580, 3.0)
+
+
+def test_a_state_that_is_repeated_does_not_put_a_robot_back_that_visualizations_show_elsewhere() -> None:
+    of = floor_of()
+    for t_s in range(0, 200, 5):
+        tell(of, "state", state(NOW_S, 3.0, headerId=1), NOW_S + t_s)
+        tell(of, "visualization", visualization(NOW_S + t_s + 1, 3.0 + t_s, 0.0), NOW_S + t_s + 1)
+    (robot,) = of.robots.values()
+    tell(of, "state", state(NOW_S, 3.0, headerId=1), NOW_S + 200)
+    assert robot.seen is not None
+    assert robot.seen.x_m == 198.0

@@ -813,3 +813,17 @@ def test_an_idle_robot_whose_heading_jitters_widely_is_charged_with_no_turn_rate
     assert "turn-rate-contradicts-motion" not in seen.deviations
     assert seen.forecast
     assert len(seen.forecast.knots) == 1
+
+
+def test_noise_of_a_robot_that_stands_is_no_pace() -> None:
+    """Reports ten times a second: positions that are off by a few centimetres look like 0.2 m/s."""
+    of, x = hall(), 0.0
+    of.receive(factsheet(NOW_S, **LIMIT), NOW_S, line("factsheet"))
+    of.receive(order(NOW_S, FAR), NOW_S, line("order"))
+    for step in range(300):
+        mps = 0.8 if step < 100 else 0.0
+        x += mps / 10
+        raw = under_way(NOW_S + step / 10, x + 0.05 * (step % 10 < 5), 0.0, FAR[1:], velocity={"vx": mps, "omega": 0.0})
+        of.receive(raw, NOW_S + step / 10, line("state"))
+    (robot,) = of.robots.values()
+    assert {kind: speeds.usual for kind, speeds in robot.pace.own.items()} == {2.0: pytest.approx(0.8, abs=0.11)}

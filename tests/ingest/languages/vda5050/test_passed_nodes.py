@@ -99,3 +99,36 @@ def test_curves_far_from_a_robot_that_stands_across_its_way_are_not_compared_wit
     listener.status_after(("order", order(T, nodes, edges)), report)
     looked_at = pieces_looked_at(monkeypatch, listener, position(5.0, 0.0, pi / 2))
     assert len(bent) < looked_at < 10 * len(curves)
+
+
+@pytest.mark.parametrize(
+    ("pose", "next_point"),
+    [
+        ((10.0, 4.0, pi / 2), (10, 8)),
+        ((3.0, 8.1, pi), (0, 8)),
+        ((5.0, 0.0, 0.0), (10, 0)),
+        ((5.0, 0.0, pi), (10, 0)),
+        ((5.0, 4.0, pi), (10, 0)),
+        ((10.0, 4.0, -pi / 2), (10, 0)),
+    ],
+)
+def test_nodes_that_a_state_never_stops_naming_do_not_send_the_robot_back(
+    pose: tuple[float, float, float], next_point: tuple[float, float]
+) -> None:
+    way = [(0, 0), (10, 0), (10, 8), (0, 8)]
+    nodes = [node(number, *place) for number, place in enumerate(way)]
+    report = under_way(T, *pose[:2], nodes[1:], velocity={"vx": 0.8}, theta=pose[2])
+    status = Listener().status_after(("order", order(T, nodes)), ("state", report))
+    assert next(row[1:3] for row in status.path.poses if row[1:3] != pose[:2]) == next_point
+    assert ("node-passed" in status.findings) is (next_point != (10, 0))
+
+
+def test_a_robot_that_never_names_nodes_drives_to_those_of_its_order_after_its_last() -> None:
+    nodes = [node(0, 0.0), node(1, 10.0), node(2, 10.0, 8.0)]
+    passed = {"lastNodeId": "n0", "lastNodeSequenceId": 0}
+    ordered = ("order", order(T, nodes))
+    status = Listener().status_after(ordered, ("state", under_way(T, 5.0, 0.0, [], **passed)))
+    assert [row[1:3] for row in status.path.poses][-1] == (10.0, 8.0)
+    cancelled = ("state", under_way(T + 1, 6.0, 0.0, [], **passed))
+    status = Listener().status_after(ordered, ("state", under_way(T, 5.0, 0.0, nodes[1:])), cancelled)
+    assert not status.path.poses, "it named them before"
