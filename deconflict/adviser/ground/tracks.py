@@ -72,22 +72,19 @@ class Tracks:
 
     def __init__(self, barred: BarredGround, seen: SeenGround) -> None:
         self._barred, self._seen = barred, seen
-        self._poses: dict[str, deque[tuple[float, float, float]]] = {}
-        """By robot x, y and yaw, newest last."""
-        self._floors: dict[str, int] = {}
-        """By robot, the floor of these poses."""
+        self._poses: dict[str, deque[tuple[float, ...]]] = {}
+        """By robot floor, x, y and yaw, newest last; all are on one floor."""
 
     def observe(self, robots: RobotTable, updated: Iterable[str]) -> list[int]:
         """Returns the slots of those whose poses are kept."""
         updated, kept = set(updated), []
         slots = [slot for slot, uuid in enumerate(robots.uuids) if uuid in updated]
         columns = (robots.records[name][slots].tolist() for name in POSE)
-        for slot, floor, *pose in zip(slots, *columns, strict=True):
-            uuid = robots.uuids[slot]
-            if self._floors.get(uuid) != floor:
-                self._floors[uuid], self._poses[uuid] = floor, deque(maxlen=KEPT)
-            poses = self._poses[uuid]
-            if not poses or hypot(pose[0] - poses[-1][0], pose[1] - poses[-1][1]) >= STEP_M:
+        for slot, *pose in zip(slots, *columns, strict=True):
+            poses = self._poses.setdefault(robots.uuids[slot], deque(maxlen=KEPT))
+            if poses and poses[-1][0] != pose[0]:
+                poses.clear()
+            if not poses or hypot(pose[1] - poses[-1][1], pose[2] - poses[-1][2]) >= STEP_M:
                 poses.append(tuple(pose))
                 kept.append(slot)
         return kept
@@ -95,13 +92,12 @@ class Tracks:
     def forget(self, uuids: Iterable[str]) -> None:
         for uuid in uuids:
             self._poses.pop(uuid, None)
-            self._floors.pop(uuid, None)
 
     def refuge_m(self, robots: RobotTable, robot: str, passing: Ways, others: Boxes) -> tuple[float, float] | None:
         """The nearest place on a robot's own track where it is in nobody's way: neither on the ways of those that are
         to pass, nor where bodies `others` (m,) are, nor on barred ground, which may lie before it, nor where no body as
         large was seen: its own was less loaded. None if there is none, or if another is on the track before it."""
-        poses: Floats = np.array(self._poses.get(robot, ()))[::-1]
+        poses: Floats = np.array([pose[1:] for pose in self._poses.get(robot, ())])[::-1]
         if not len(poses):
             return None
         size, here = robots[robot], robots.reported_pose(robot)
