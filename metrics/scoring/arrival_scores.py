@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, Announcement
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Destinations, Ints
 from metrics.scoring.length_quantiles import BINS, bins_of, quantile
 from metrics.scoring.place_scores import AHEAD_S
@@ -20,7 +21,8 @@ class ArrivalScores:
     """Announcements whose robots have not arrived yet, and counts of errors by vendor."""
 
     def __init__(self) -> None:
-        self._announced = AnnouncedArrivals()
+        self._slots = RobotSlots()
+        self._announced = AnnouncedArrivals(self._slots)
         self._errors: dict[str, Ints] = {}
         """By vendor (2, ahead, BINS): counts of early (0) and late (1) arrivals, by time ahead and size of the
         error."""
@@ -40,6 +42,7 @@ class ArrivalScores:
                 self._count(batch.vendors[row], float(batch.event_s[row]), announcements)
         for robot in batch.gone:
             self._announced.forget(robot)
+        self._slots.release(batch.gone)
 
     def figures(self) -> list[dict[str, Any]]:
         """By vendor and time ahead: the number of announcements, their errors, and the share of late arrivals.

@@ -112,12 +112,13 @@ def _next_new_report(
 class AnnouncedArrivals:
     """The announced arrivals of all robots, until they arrive."""
 
-    def __init__(self) -> None:
+    def __init__(self, slots: RobotSlots | None = None) -> None:
+        """`slots` are those of the table that holds the robots, which frees them."""
         self._open: dict[str, dict[DatumPoint, list[Announcement]]] = {}
         """By robot and destination, to the decimetre; empty for a robot that has arrived at all it announced."""
         self._floors = {"": -1}
         """Numbers of floors in `_reports`."""
-        self._slots = RobotSlots()
+        self._slots = RobotSlots() if slots is None else slots
         self._reports = np.zeros(0, LAST_REPORT)
         """By slot, with spare rows."""
 
@@ -128,6 +129,9 @@ class AnnouncedArrivals:
 
         Yields rows of robots that have arrived somewhere, and for each place what they had announced of it.
         """
+        slots, _ = self._slots.assign(batch.robots)
+        if len(self._slots) > len(self._reports):
+            self._reports = np.pad(self._reports, (0, len(self._slots)))
         if not len(destinations.t_s) and not self._open:
             return
         known = self._floors
@@ -135,9 +139,6 @@ class AnnouncedArrivals:
         floor, x_m, y_m = ready(here[0], np.int64), ready(here[1]), ready(here[2])
         start, to_floor, to_x_m, to_y_m = destinations.start, destinations.floor, destinations.x_m, destinations.y_m
         columns = (floor, x_m, y_m, ready(start, np.int64), ready(to_floor, np.int64), ready(to_x_m), ready(to_y_m))
-        slots, _ = self._slots.assign(batch.robots)
-        if len(self._slots) > len(self._reports):
-            self._reports = np.pad(self._reports, (0, len(self._slots)))
         row, now_s = -1, ready(now_s)
         while (row := _next_new_report(row + 1, self._reports, slots, numbers, now_s, *columns)) < len(slots):
             stops = slice(start[row], start[row + 1])
@@ -201,7 +202,8 @@ class AnnouncedArrivals:
 
     def forget(self, robot: str) -> None:
         self._open.pop(robot, None)
-        self._reports["count"][self._slots.release([robot])] = 0
+        if robot in self._slots.by_uuid:
+            self._reports["count"][self._slots.by_uuid[robot]] = 0
 
 
 def near(a: DatumPoint, b: DatumPoint, within_m: float = ARRIVED_M) -> bool:

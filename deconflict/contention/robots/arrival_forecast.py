@@ -17,6 +17,7 @@ from deconflict.contention.robots.announced_arrivals import AnnouncedArrivals, A
 from deconflict.contention.robots.overdue_times import OverdueTimes
 from deconflict.foresight.forecast_errors.arrival_errors import ArrivalErrors
 from deconflict.runtime.learned_state import Form, Part, Seconds
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Floats, Ints
 
 SHORTEST_S = 5.0
@@ -64,10 +65,10 @@ class VendorRatios:
 class ArrivalForecast:
     """The announcements of robots, and how wrong they were."""
 
-    def __init__(self) -> None:
+    def __init__(self, slots: RobotSlots | None = None) -> None:
         self.lateness = ArrivalErrors()
         self.overdue = OverdueTimes()
-        self._announced = AnnouncedArrivals()
+        self._announced = AnnouncedArrivals(slots)
         self._ratios: dict[str, VendorRatios] = {}
 
     def add_batch(self, batch: Batch, here: FloorPoints) -> ArrivalCorrections:

@@ -38,9 +38,8 @@ class RobotTable(Mapping[str, RobotView]):
     """Every robot, by UUID."""
 
     def __init__(self, geometry: PlaceGeometry) -> None:
-        self.arrivals, self.batteries = ArrivalForecast(), BatteryUse()
-        self._geometry = geometry
-        self._slots = RobotSlots()
+        self._slots, self._geometry = RobotSlots(), geometry
+        self.arrivals, self.batteries = ArrivalForecast(self._slots), BatteryUse()
         self.records = np.zeros(0, ROBOT)
         """By slot, with spare rows."""
         self.stops = np.zeros((0, 1), STOP)

@@ -8,6 +8,7 @@ from deconflict.contention.robots.arrival_forecast import MOST_RATIOS, ArrivalCo
 from deconflict.contention.robots.destinations import write_stops
 from deconflict.contention.robots.lookahead import look_ahead
 from deconflict.contention.robots.record_kernels import STOP, Outlines
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch
 from tests.deconflict.contention.robots.made_reports import report, report_of
 
@@ -117,8 +118,10 @@ def test_a_robot_that_is_in_a_batch_twice_counts_in_the_order_of_its_reports() -
 
 
 def test_a_reused_slot_keeps_nothing_of_its_last_robot() -> None:
-    announced = AnnouncedArrivals()
+    slots = RobotSlots()
+    announced = AnnouncedArrivals(slots)
     arrivals_of(announced, report_of("r", 0.0, AWAY, [DOCK], [60.0]))
     announced.forget("r")
+    slots.release(["r"])
     assert arrivals_of(announced, report_of("s", 1.0, AWAY, [DOCK], [60.0])) == []
     assert arrivals_of(announced, report_of("s", 2.0, DOCK, [DOCK], [60.0])) == [(0, [[Announcement(1.0, 60.0)]])]
