@@ -184,10 +184,11 @@ class Engine:
     def receive(self, batch: Batch) -> None:
         """Add the robots that changed, without those that are not `examined`. A batch may hold the whole floor."""
         batch = batch if batch.examined.all() else batch.take(np.flatnonzero(batch.examined), batch.gone)
-        batch = self.presence.receive(self.floors.renumbered(batch))
+        left, batch = batch.gone, self.presence.receive(self.floors.renumbered(batch))
         self.foresight.resolve_absent(self.presence.passed)
         for part in presence_batches.with_end_before(batch):
             self._shared.receive(self._add(part))
+        self.live.slots.release(sorted(set(left).difference(batch.robots)))
 
     def _add(self, batch: Batch) -> Batch:
         """Add a batch to all that predicts conflicts; the batch with the forecasts that are believed."""

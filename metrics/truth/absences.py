@@ -17,6 +17,7 @@ from deconflict.foresight.presence.believed_places import Approach, BelievedPlac
 from deconflict.foresight.presence.report_intervals import GRACE_S, Legs, ReportIntervals, grace_s
 from deconflict.foresight.presence.returned_robots import was_there
 from deconflict.sweep.geometry.pose import pose_at
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Forecasts, Pair
 
 STOOD_M = 0.3
@@ -43,7 +44,7 @@ class Absences:
 
     def __init__(self, clearances_m: Iterable[float]) -> None:
         self._clearances_m = tuple(clearances_m)
-        self._intervals, self._places = ReportIntervals(), BelievedPlaces()
+        self._intervals, self._places = ReportIntervals(RobotSlots()), BelievedPlaces()
         self._newest: dict[str, tuple[Forecasts, int, Sequence[str]]] = {}
         """By robot: the forecasts of its newest batch, its row in them, and the batch's floors. Of a silent robot only
         its own forecast is kept."""

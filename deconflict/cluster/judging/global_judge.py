@@ -151,7 +151,8 @@ class GlobalJudge:
             newer = received.take(np.flatnonzero(~outdated(received, self._arrived_s)), received.gone)
             owned_rows = self._cross_ingest_claims.owned_rows(newer)
             rows = owned_rows[newer.examined[owned_rows]]
-            batch = self._presence.receive(newer.take(rows, self._gone(received)))
+            left = self._gone(received)
+            batch = self._presence.receive(newer.take(rows, left))
             self._cross_ingest_claims.add_reported(received.claims, received.now_s)
             self._arrived_s.update(zip(batch.robots, batch.arrival_s.tolist(), strict=True))
             for part in with_end_before(batch):
@@ -159,6 +160,7 @@ class GlobalJudge:
                 self._live.remove(part.gone)
                 self._contention.receive(part)
             self._cross_ingest_claims.forget(batch.gone)
+            self._live.slots.release(sorted(set(left).difference(batch.robots)))
 
     def _gone(self, batch: Batch) -> tuple[str, ...]:
         """The robots that one ingest has forgotten, and that have reported to no other since; and those that a person

@@ -134,7 +134,8 @@ class LiveRobots:
     """(slots,) when each robot of a crowd was last found in it."""
     _is_changed: Bools = field(default_factory=lambda: np.empty(0, np.bool_))
     """(slots,) whether a robot has come or reported since the last `take_changed`."""
-    _slots: RobotSlots = field(default_factory=RobotSlots)
+    slots: RobotSlots = field(default_factory=RobotSlots)
+    """Of these robots, and of those that others go on knowing. They are not freed here."""
     _aside: set[str] = field(default_factory=set)
     """Robots that were set aside and have not reported since."""
     _loose: int = 0
@@ -145,14 +146,15 @@ class LiveRobots:
     @property
     def uuids(self) -> list[str]:
         """By slot; "" for a free slot."""
-        return self._slots.uuids
+        return self.slots.uuids
 
     def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
         self.floors, forecasts = batch.floors, batch.forecasts
         self._aside.difference_update(batch.robots)
-        slots, new_rows = self._slots.assign(batch.robots)
-        self._grow(len(self._slots) - len(self.at))
+        slots, _ = self.slots.assign(batch.robots)
+        new_rows = [row for row, uuid in enumerate(batch.robots) if uuid not in self.robots]
+        self._grow(len(self.slots) - len(self.at))
         for row in new_rows:
             uuid = batch.robots[row]
             self.robots[uuid] = LiveRobot(batch, row, int(slots[row]))
@@ -175,7 +177,7 @@ class LiveRobots:
     def _grow(self, missing: int) -> None:
         """Make room for this many more slots."""
         if missing > 0:
-            more = max(len(self._slots), 64)
+            more = max(len(self.slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
             numbers = "vendor", "source", "crowd", "_is_changed"
             lengthen(self, ("event_s", "sizes_m", "came_s", "crowded_s", *numbers), more)
@@ -211,9 +213,7 @@ class LiveRobots:
         uuids = list(uuids)
         self._aside.difference_update(uuids)
         self.on_foot.difference_update(uuids)
-        for uuid in uuids:
-            self.robots.pop(uuid, None)
-        left = self._slots.release(uuids)
+        left = [robot.slot for uuid in uuids if (robot := self.robots.pop(uuid, None))]
         self.at[left], self.crowd[left] = np.nan, 0
 
     def forecasts(self, uuids: Iterable[str]) -> tuple[list[str], Forecasts]:
@@ -227,7 +227,7 @@ class LiveRobots:
         """The UUIDs of a group and of at most `most` other robots, the nearest to any of the group within a distance,
         on its floor and at its height; ascending. Those in `without` are not among the others."""
         slots, away_m = _near(self.at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
-        near = [self._slots.uuids[slot] for slot in slots.tolist()]
+        near = [self.uuids[slot] for slot in slots.tolist()]
         others = [
             (distance_m, uuid)
             for distance_m, uuid in zip(away_m.tolist(), near, strict=True)

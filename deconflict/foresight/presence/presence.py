@@ -73,7 +73,7 @@ class Presence:
     def __init__(self, live: LiveRobots, measures: Measures, site: Site = DEFAULT) -> None:
         self._live, self._measures = live, measures
         self._ground = HeardGround([*site.zones, *site.resources])
-        self._intervals, self._connections = ReportIntervals(), VendorConnections()
+        self._intervals, self._connections = ReportIntervals(live.slots), VendorConnections()
         self._outcomes, self._places = SilenceOutcomes(), BelievedPlaces()
         self._last_seen_at = BelievedPlaces()
         """The last reported place of each robot that is believed to have driven on from it."""

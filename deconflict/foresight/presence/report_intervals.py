@@ -121,17 +121,18 @@ def _add_reports(
 
 
 class ReportIntervals:
-    """Records by slot. Another robot may get the slot of one that was forgotten."""
+    """Records by slot."""
 
-    def __init__(self) -> None:
-        self.slots = RobotSlots()
+    def __init__(self, slots: RobotSlots) -> None:
+        self.slots = slots
         self.heard: Heard = np.zeros(0, HEARD)
 
     def add_batch(self, batch: Batch) -> tuple[Legs, list[int]]:
         """Add a batch. Returns the legs of the robots that have reported anew, and the rows of the robots that were
         unknown."""
-        slots, new = self.slots.assign(batch.robots)
+        slots, _ = self.slots.assign(batch.robots)
         self._grow(len(self.slots))
+        new = np.flatnonzero(self.heard["reports"][slots] == 0).tolist()
         f = batch.forecasts
         places = ready(f.x_m), ready(f.y_m), ready(f.yaw_rad), ready(f.floor, np.int64)
         counts = ready(batch.statuses, np.int64), ready(f.start, np.int64)
@@ -147,11 +148,9 @@ class ReportIntervals:
         """A robot can't be silent before `at_s`; inf for a robot that is silent, until it reports."""
         self.heard["due_s"][self.slots.by_uuid[uuid]] = at_s
 
-    def forget(self, uuid: str) -> bool:
-        """Forget a robot. Returns whether it was known."""
-        slots = self.slots.release([uuid])
-        self.heard[slots] = _NOBODY
-        return bool(len(slots))
+    def forget(self, uuid: str) -> None:
+        if uuid in self.slots.by_uuid:
+            self.heard[self.slots.by_uuid[uuid]] = _NOBODY
 
     def heard_s(self, uuid: str) -> float:
         """When a robot was last heard."""

@@ -9,6 +9,7 @@ from deconflict.foresight.presence import believed_places
 from deconflict.foresight.presence.believed_places import BelievedPlace, BelievedPlaces
 from deconflict.foresight.presence.report_intervals import Legs, ReportIntervals
 from deconflict.sweep.geometry.envelope_distances import signed_gap
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch, Floats
 from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
 
@@ -18,7 +19,7 @@ PLACE = BelievedPlace(5.0, 3.0, 0.0, 0, 0.5, 0.3, -inf, inf, 0.0)
 
 def driven(*begins_m: tuple[float, float]) -> tuple[Batch, Legs]:
     """Robots that have each driven a metre along x, from these points."""
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     for watch.now_s in (0.0, 1.0):
         for number, (x_m, y_m) in enumerate(begins_m):
             watch.say(f"driver {number}", x_m + watch.now_s, y_m, 1.0)

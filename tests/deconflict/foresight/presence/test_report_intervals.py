@@ -1,13 +1,14 @@
 import pytest
 
 from deconflict.foresight.presence.report_intervals import ReportIntervals
+from deconflict.sweep.robot_slots import RobotSlots
 from tests.deconflict.foresight.presence.made_watch import NOW_S, Watch
 from tests.helpers.saying import robot
 from tests.helpers.vda_saying import line, position, state
 
 
 def reported(every_s: float, reports: int) -> ReportIntervals:
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     for number in range(reports):
         watch.now_s = number * every_s
         watch.say("A", 0.0)
@@ -37,7 +38,7 @@ def test_a_standing_robot_is_not_silent_before_its_language_wants_its_next_repor
     driving: bool, grace_s: float
 ) -> None:
     """A robot of VDA 5050 that stands sends its state each 30 s."""
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     for at_s in range(4):
         raw = state(NOW_S + at_s, driving=driving, agvPosition=position(0.0, 0.0, 0.0))
         watch.fleet.receive(raw, NOW_S + at_s, line("state"))
@@ -47,7 +48,7 @@ def test_a_standing_robot_is_not_silent_before_its_language_wants_its_next_repor
 
 
 def test_one_long_gap_does_not_change_what_is_usual() -> None:
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     for at_s in (0, 1, 2, 3, 60, 61, 62):
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
@@ -56,7 +57,7 @@ def test_one_long_gap_does_not_change_what_is_usual() -> None:
 
 
 def test_several_reports_between_two_batches_count_as_several_gaps() -> None:
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     for at_s in range(40):
         watch.now_s = float(at_s)
         watch.say("A", 0.0)
@@ -66,7 +67,7 @@ def test_several_reports_between_two_batches_count_as_several_gaps() -> None:
 
 
 def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
-    watch, intervals, moved = Watch(), ReportIntervals(), []
+    watch, intervals, moved = Watch(), ReportIntervals(RobotSlots()), []
     for second, x_m in enumerate((0.0, 1.0, 1.02, 1.03)):
         watch.now_s = float(second)
         watch.say("A", x_m)
@@ -76,7 +77,7 @@ def test_a_robot_stood_that_has_not_moved_since_the_report_before() -> None:
 
 
 def test_a_repeated_batch_row_is_no_new_report() -> None:
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     watch.say("A", 0.0)
     first, new = intervals.add_batch(watch.fleet.next_batch(NOW_S))
     again, known = intervals.add_batch(watch.fleet.next_batch(NOW_S + 1.0, True))
@@ -84,12 +85,12 @@ def test_a_repeated_batch_row_is_no_new_report() -> None:
 
 
 def test_the_slot_of_a_forgotten_robot_is_reused() -> None:
-    watch, intervals = Watch(), ReportIntervals()
+    watch, intervals = Watch(), ReportIntervals(RobotSlots())
     watch.say("A", 0.0)
     watch.say("B", 1.0)
     intervals.add_batch(watch.fleet.next_batch(NOW_S))
-    assert intervals.forget(robot("A"))
-    assert not intervals.forget(robot("A"))
+    intervals.forget(robot("A"))
+    intervals.slots.release([robot("A")])
     watch.now_s = 1.0
     watch.say("C", 5.0)
     intervals.add_batch(watch.fleet.next_batch(NOW_S + 1.0))
