@@ -14,6 +14,7 @@ from deconflict.contention.robots.robot_table import RobotTable
 from deconflict.settings import site_file
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.settings.site import DEFAULT, Site
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict_client.advisory import AdviceAnswer
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
@@ -59,6 +60,7 @@ class Adviser:
             self._receive(message, now_s)
         batch = self._fleet.next_batch(now_s)
         self._robots.forget(batch.gone)
+        self._robots.slots.release(batch.gone)
         for uuid in batch.gone:
             self._identities.pop(uuid, None)
         self._robots.update(batch)
@@ -75,7 +77,7 @@ class Adviser:
         measures = Measures()
         self._fleet = fleet_of(self._settings, measures)
         geometry = PlaceGeometry(self._settings.resources, self._settings.zones)
-        self._robots = RobotTable(geometry)
+        self._robots = RobotTable(geometry, RobotSlots())
         self._advice = StandoffAdvice(self._settings, measures, self._numbers)
 
     def _receive(self, message: Mapping[str, Any], now_s: float) -> None:

@@ -128,7 +128,7 @@ def standing(robots: RobotTable, now_s: float, foresees: bool, crowds: Mapping[s
     places of robots in `crowds` are doubted."""
     records = robots.records
     heard = records["known"] & (records["floor"] >= 0) & (now_s - records["event_s"] <= HEARD_WITHIN_S)
-    heard[np.flatnonzero(robots.column(crowds))] = False
+    heard[np.flatnonzero(robots.slots.column(crowds))] = False
     rests = heard & resting(records)
     slows = heard & (records["speed_mps"] <= SLOW_MPS) & foresees
     ways = wanted_ways(robots, np.flatnonzero(rests | slows))

@@ -48,6 +48,7 @@ from deconflict.contention.waiting.wait_graph import (
 from deconflict.runtime.learned_state import Learner
 from deconflict.settings.site import Site
 from deconflict.sweep.geometry.heights import largest_group_at_one_height
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Batch
 from ingest.measures.measures import Measures
 
@@ -93,11 +94,12 @@ class Contention:
         restored: Iterable[FindingAdvisory],
         make_advice: Callable[[PlaceGeometry], QueueAdvice],
         crowds: Mapping[str, int],
+        slots: RobotSlots,
     ) -> None:
         """`restored` are the advisories that were open before a restart. `crowds` has the robots that are in a crowd,
-        and may change."""
+        and may change; `slots` are those of the robots on the floor."""
         self.geometry = PlaceGeometry(site.resources, site.zones)
-        self.robots = RobotTable(self.geometry)
+        self.robots = RobotTable(self.geometry, slots)
         self._settings, self._reading = site.contention, site.reading
         self._measures, self._crowds = measures, crowds
         self._lifecycle = FindingLifecycle(site.contention.clear_after_s, restored)

@@ -45,7 +45,7 @@ class SharedAdvisories:
         findings = [advisory for advisory in advisories_of(restored) if not isinstance(advisory, ConflictAdvisory)]
         queues = [advisory for advisory in findings if not isinstance(advisory, JudgedAdvisory)]
         claims = [advisory for advisory in findings if isinstance(advisory, JudgedAdvisory)]
-        self.contention = Contention(site, measures, queues, queue_advice, crowds.numbers)
+        self.contention = Contention(site, measures, queues, queue_advice, crowds.numbers, live.slots)
         self._claims = ClaimLifecycle(live, crowds, claims)
         self.asked = AdviceLifecycle(site, describe, measures, advice_of(restored), crowds.numbers)
         self._looked_s = float("-inf")

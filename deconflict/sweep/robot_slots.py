@@ -28,7 +28,7 @@ class RobotSlots:
     """A robot keeps its slot until it leaves. The next new robot gets the slot that was freed last.
 
     Several tables may have columns by the same slots. Each asks for the slots of the robots that it is given, and blanks
-    its own columns when it forgets a robot. Whoever gives them the batches frees the slots, after all have forgotten.
+    its columns when it forgets a robot. Whoever gives them the batches frees the slots after all have forgotten.
     """
 
     def __init__(self) -> None:

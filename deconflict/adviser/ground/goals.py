@@ -144,7 +144,7 @@ class Goals:
         """The side on which nothing is known to be in the way, and a body as large was seen. None if both are barred
         or occupied. Without a side if no such body was seen on either: there its own sensors decide."""
         sides, floor = _sides(robots, option, way_rad), robots[option.robot].datum
-        slots = (_slot(robots, uuid) for uuid in (option.robot, option.other))
+        slots = robots.slots.find((option.robot, option.other)).tolist()
         is_open = ~self._barred.bars_driving(floor, sides) & ~touch_any(sides, other_bodies(robots, *slots))
         if not is_open.any():
             return None
@@ -160,15 +160,11 @@ class Goals:
             return None
         self._searches_left -= 1
         self._searched_s[option.robot, option.verb] = now_s
-        slot, other = _slot(robots, option.robot), _slot(robots, option.other)
+        slot, other = robots.slots.find((option.robot, option.other)).tolist()
         passing = wanted_ways(robots, np.array([other]), WHOLE_WAY_M, STEPS * STEP_S)
         if option.verb == "back_out":
             return self._tracks.refuge_m(robots, option.robot, passing, other_bodies(robots, slot, other))
         return aside_m(robots, option.robot, passing, other_bodies(robots, slot), self._barred, self.seen)
-
-
-def _slot(robots: RobotTable, uuid: str) -> int:
-    return int(np.flatnonzero(robots.column({uuid: 1}))[0])
 
 
 def _sides(robots: RobotTable, option: Option, way_rad: float) -> Boxes:

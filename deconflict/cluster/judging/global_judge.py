@@ -122,7 +122,7 @@ class GlobalJudge:
         findings = [advisory for advisory in restored if not isinstance(advisory, JudgedAdvisory)]
         claims = [advisory for advisory in restored if isinstance(advisory, JudgedAdvisory)]
         self._crowds = Crowds(self._live)
-        self._contention = Contention(site, self.measures, findings, advising, self._crowds.numbers)
+        self._contention = Contention(site, self.measures, findings, advising, self._crowds.numbers, self._live.slots)
         self._claims = ClaimLifecycle(self._live, self._crowds, claims)
         self._cross_ingest_claims = CrossIngestClaims()
         self._revisions = OrderedDict((advisory.id, advisory.revision) for advisory in restored)

@@ -37,9 +37,10 @@ RESTING = frozenset(("idle", "charging", "disabled", "offline"))
 class RobotTable(Mapping[str, RobotView]):
     """Every robot, by UUID."""
 
-    def __init__(self, geometry: PlaceGeometry) -> None:
-        self._slots, self._geometry = RobotSlots(), geometry
-        self.arrivals, self.batteries = ArrivalForecast(self._slots), BatteryUse()
+    def __init__(self, geometry: PlaceGeometry, slots: RobotSlots) -> None:
+        self.slots, self._geometry = slots, geometry
+        """Of these robots, and maybe of others. They are not freed here."""
+        self.arrivals, self.batteries = ArrivalForecast(slots), BatteryUse()
         self.records = np.zeros(0, ROBOT)
         """By slot, with spare rows."""
         self.stops = np.zeros((0, 1), STOP)
@@ -67,29 +68,25 @@ class RobotTable(Mapping[str, RobotView]):
         return self._views.get(uuid) or self._views.setdefault(uuid, self._view(uuid))
 
     def __contains__(self, uuid: object) -> bool:
-        return uuid in self._slots.by_uuid
+        return uuid in self._names
 
     @property
     def uuids(self) -> list[str]:
         """By slot; "" for a free slot."""
-        return self._slots.uuids
-
-    def column(self, numbers: Mapping[str, int]) -> Ints:
-        """See `RobotSlots.column`."""
-        return self._slots.column(numbers)
+        return self.slots.uuids
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._slots.by_uuid)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._slots.by_uuid)
+        return len(self._names)
 
     def forget(self, uuids: Iterable[str]) -> None:
-        uuids = list(uuids)
         for uuid in uuids:
+            if not self._names.pop(uuid, None):
+                continue
             self.arrivals.forget(uuid)
-            self._names.pop(uuid, None)
-        for slot in self._slots.release(uuids).tolist():
+            slot = self.slots.by_uuid[uuid]
             self.records[slot] = np.zeros((), ROBOT)
             self.batteries.forget(slot)
             for by_slot in (self._here, self._passages, self._paths_left):
@@ -103,8 +100,8 @@ class RobotTable(Mapping[str, RobotView]):
         self._views.clear()
         view, f = look_ahead(batch.forecasts, batch.now_s), batch.forecasts
         paths = paths_ahead(view, np.where(batch.basis == Basis.VELOCITY, STRAIGHT, STEPS))
-        slots, _ = self._slots.assign(batch.robots)
-        self._grow(len(self._slots))
+        slots, _ = self.slots.assign(batch.robots)
+        self._grow(len(self.slots))
         floor_numbers = np.array([self._floor_number(datum) for datum in batch.floors], np.int64)
         self._names.update(zip(batch.robots, first_fields(batch), strict=True))
         corrections = self.arrivals.add_batch(batch, (view.floor[:, 0], view.x_m[:, 0], view.y_m[:, 0]))
@@ -289,13 +286,13 @@ class RobotTable(Mapping[str, RobotView]):
         return Outlines(np.array(floors, np.int64), all_m)
 
     def _view(self, uuid: str) -> RobotView:
-        slot = self._slots.by_uuid[uuid]
+        names, slot = self._names[uuid], self.slots.by_uuid[uuid]
         record: tuple[Any, ...] = self.records[slot].item()
         *viewed, floor, count = record[: record_kernels.VIEWED_FIELDS]
         stops = tuple(map(self._stop, self.stops[slot, :count].tolist())) if count else ()
         here, came_s = self._here.get(slot, (None, 0.0))
         fields: tuple[Any, ...] = (*viewed, self.datum(floor), here, came_s, stops, self._passages.get(slot, {}))
-        return RobotView(uuid, *self._names[uuid], *fields)
+        return RobotView(uuid, *names, *fields)
 
     def _stop(self, stop: tuple[float, float, float, float, float, float, int, int]) -> PlannedStop:
         announced_s, t_s, expected_s, spread_s, x_m, y_m, floor, number = stop
@@ -327,12 +324,12 @@ class RobotTable(Mapping[str, RobotView]):
 
     def reported_pose(self, uuid: str) -> tuple[float, float, float]:
         """x, y and yaw of a robot in its newest report."""
-        record = self.records[self._slots.by_uuid[uuid]]
+        record = self.records[self.slots.by_uuid[uuid]]
         return float(record["reported_x_m"]), float(record["reported_y_m"]), float(record["reported_yaw_rad"])
 
     def rests_since_s(self, uuid: str) -> float:
         """Since when a robot is reported where it is."""
-        return float(self.records["rests_s"][self._slots.by_uuid[uuid]])
+        return float(self.records["rests_s"][self.slots.by_uuid[uuid]])
 
     def paths(self, slots: Sequence[int]) -> list[shapely.LineString]:
         """The paths of robots as far as they are forecast; of robots that have stopped on theirs, what is left."""

@@ -63,7 +63,7 @@ class NearbyBoxes(NamedTuple):
         boxes = cls(*record_kernels.collect_boxes(robots.records, robots.stops, ROUNDING_M))
         if not crowds:
             return boxes
-        is_placed = robots.column(crowds) == 0
+        is_placed = robots.slots.column(crowds) == 0
         kept = [is_placed[slots] for slots in (boxes.ends[:, 0], boxes.standing, boxes.going)] * 2
         return cls(*(column[rows] for column, rows in zip(boxes, kept, strict=True)))
 

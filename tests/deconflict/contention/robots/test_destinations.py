@@ -5,6 +5,7 @@ import pytest
 from deconflict.contention.robots.destinations import FASTEST_MPS, MOST_STOPS, PlannedStop
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.sweep.robot_slots import RobotSlots
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, Spot, resource, site
 
 DOCK = resource("d1", 40, 0)
@@ -15,7 +16,7 @@ def told(at: Spot, *stops: tuple[float, float, float]) -> tuple[PlannedStop, ...
     scene = Scene(site(DOCK), {"a": Script([(0, *at)], stops), "b": Script([(0, 90, 90)])})
     for name, script in scene.robots.items():
         scene.fleet.receive(script.says(name, 0.0), NOW_S, LINE)
-    robots = RobotTable(PlaceGeometry([DOCK], ()))
+    robots = RobotTable(PlaceGeometry([DOCK], ()), RobotSlots())
     robots.update(scene.fleet.next_batch(NOW_S))
     first, other = sorted(robots.values(), key=lambda seen: seen.y_m)
     assert other.stops == ()

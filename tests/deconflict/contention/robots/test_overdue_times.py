@@ -8,6 +8,7 @@ from deconflict.contention.robots.arrival_forecast import ArrivalForecast
 from deconflict.contention.robots.overdue_times import MOST_ARRIVALS, OVERDUE_S, PRIOR_LATER, OverdueTimes, prior_left_s
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.robot_table import RobotTable
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict_client.advisory import ContentionAdvisory
 from tests.deconflict.contention.robots.made_reports import report
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, raised, resource, site
@@ -109,7 +110,7 @@ def test_an_arrival_is_late_by_its_last_announcement() -> None:
 def expected(at_s: float, stands: bool, *stops: tuple[float, float, float]) -> tuple[list[float], list[float]]:
     """In how long a robot is expected at its stops, and how surely; it has stood at x = 50 or drives towards 0."""
     script = Script([(0, 50, 0)] if stands else [(0, 50 + at_s, 0), (at_s + 50, 0, 0)], stops)
-    scene, robots = Scene(site(DOCK), {"a": script}), RobotTable(PlaceGeometry([DOCK], ()))
+    scene, robots = Scene(site(DOCK), {"a": script}), RobotTable(PlaceGeometry([DOCK], ()), RobotSlots())
     for second in range(int(at_s) + 1):
         scene.fleet.receive(script.says("a", float(second)), NOW_S + second, LINE)
         robots.update(scene.fleet.next_batch(NOW_S + second))

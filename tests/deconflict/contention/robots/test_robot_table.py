@@ -10,6 +10,7 @@ from deconflict.contention.robots.bounding_boxes import ROUNDING_M
 from deconflict.contention.robots.place_geometry import PlaceGeometry
 from deconflict.contention.robots.record_kernels import LEAST_M, STANDS_M, STANDS_S, WAY_M, collect_boxes
 from deconflict.contention.robots.robot_table import RESTING, RobotTable
+from deconflict.sweep.robot_slots import RobotSlots
 from ingest.batch import Basis, Batch
 from ingest.settings import Model, Trailers, Vendor
 from tests.deconflict.contention.scenes import LINE, NOW_S, Scene, Script, aisle, resource, site
@@ -58,7 +59,7 @@ def known(robots: RobotTable) -> dict[str, list[str]]:
 
 def test_joined_batches_leave_the_same_table_as_single_ones() -> None:
     made_batches, waited = batches(60), 0
-    each, many = (RobotTable(PlaceGeometry([DOCK], [LANE])) for _ in range(2))
+    each, many = (RobotTable(PlaceGeometry([DOCK], [LANE]), RobotSlots()) for _ in range(2))
     for first in range(0, 60, 5):
         parts = [replace(part, now_s=NOW_S + first) for part in made_batches[first : first + 5]]
         left = [item for part in parts for item in each.update(part)]
@@ -73,7 +74,7 @@ def test_a_lane_is_not_free_while_trailers_stand_in_it(trailers: Trailers | None
     """The robot itself stands 1.6 m beyond its end."""
     vendor = Vendor(name="Alder", models={"A1": Model(trailers=trailers)})
     scene = Scene(site(LANE, vendors=(vendor,)), {"A": Script([(0.0, 40.0, 0.0), (12.0, 52.0, 0.0)])})
-    robots = RobotTable(PlaceGeometry([], [LANE]))
+    robots = RobotTable(PlaceGeometry([], [LANE]), RobotSlots())
     for t in range(20):
         scene.fleet.receive(scene.robots["A"].says("A", float(t)), NOW_S + t, LINE)
         robots.update(scene.fleet.next_batch(NOW_S + t))
@@ -82,7 +83,7 @@ def test_a_lane_is_not_free_while_trailers_stand_in_it(trailers: Trailers | None
 
 
 def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
-    robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
+    robots = RobotTable(PlaceGeometry([DOCK], [LANE]), RobotSlots())
     stood: dict[str, tuple[float, float, float]] = {}
     stands = 0
     for batch in batches(60):
@@ -107,7 +108,7 @@ def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
 
 
 def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
-    robots = RobotTable(PlaceGeometry([DOCK], [LANE]))
+    robots = RobotTable(PlaceGeometry([DOCK], [LANE]), RobotSlots())
     for batch in batches(30):
         robots.update(batch)
     ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
@@ -144,7 +145,7 @@ def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from
     means, stops_m = [(0.0, 0.0, 0.0), (6.0, 6 * mps, 0.0), (100.0, *ends)], 4 * mps
     knots = [(0.0, 0.0, 0.0), (4.0, stops_m, 0.0), (100.0, stops_m, 0.0)]
     halts = Script(knots, means=means, state=lambda t: "navigating" if t < 5 else "waitingExternalEvent")
-    scene, robots = Scene(site(), {"A": halts}), RobotTable(PlaceGeometry([], []))
+    scene, robots = Scene(site(), {"A": halts}), RobotTable(PlaceGeometry([], []), RobotSlots())
     for t in range(7):
         scene.fleet.receive(halts.says("A", float(t)), NOW_S + t, LINE)
         robots.update(scene.fleet.next_batch(NOW_S + t + 0.9))
@@ -160,7 +161,7 @@ def test_a_robot_that_stops_short_of_where_it_was_believed_waits_on_its_way_from
 def test_a_process_that_starts_takes_a_robot_that_is_held_up_as_on_its_way_to_its_destination(
     bound_m: float, way_m: float
 ) -> None:
-    scene, robots = Scene(site(), {"A": Script([(0.0, 0.0, 0.0)])}), RobotTable(PlaceGeometry([], []))
+    scene, robots = Scene(site(), {"A": Script([(0.0, 0.0, 0.0)])}), RobotTable(PlaceGeometry([], []), RobotSlots())
     for t in range(8):
         there = points((NOW_S + t, bound_m, 0.0, 0.0))
         del there[0]["timestamp"]
