@@ -100,7 +100,7 @@ class Engine:
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
         crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
         self.claims = PairClaims(self.live, self._conflicts, crowds)
-        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims)
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims, self.live.slots)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds, self.claims)
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, names)
         self._conflicts.restore(advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory))

@@ -27,8 +27,8 @@ def lengthen(table: object, names: Iterable[str], more: int, axis: int = 0) -> N
 class RobotSlots:
     """A robot keeps its slot until it leaves. The next new robot gets the slot that was freed last.
 
-    Several tables may have columns by the same slots. Each asks for the slots of the robots that it is given, and blanks
-    its columns when it forgets a robot. Whoever gives them the batches frees the slots after all have forgotten.
+    Several tables may have columns by the same slots. Each asks for the slots of the robots that it is given, and
+    blanks its columns when it forgets a robot. Whoever gives them the batches frees the slots after all have forgotten.
     """
 
     def __init__(self) -> None:
@@ -36,6 +36,12 @@ class RobotSlots:
         self.uuids: list[str] = []
         """By slot; "" for a free slot."""
         self._free: list[int] = []
+        self._ascending: list[str] = []
+        """The UUIDs in ascending order."""
+        self._slots_ascending: Ints = np.zeros(0, np.int64)
+        """Their slots."""
+        self._ranks: Ints | None = None
+        """See `ranks`; None if robots came or left since."""
 
     def __len__(self) -> int:
         """Slots, free ones included."""
@@ -44,6 +50,17 @@ class RobotSlots:
     def find(self, uuids: Collection[str]) -> Ints:
         """(n,) the slot of each robot; -1 for a robot that has none."""
         return np.fromiter(map(self.by_uuid.get, uuids, repeat(-1)), np.int64, len(uuids))
+
+    def names(self, slots: Ints) -> list[str]:
+        """The UUIDs of robots, in that order."""
+        return [self.uuids[slot] for slot in slots.tolist()]
+
+    def ranks(self) -> Ints:
+        """(slots,) the place of each robot's UUID among all UUIDs in ascending order; 0 for a free slot."""
+        if self._ranks is None:
+            self._ranks = np.zeros(len(self), np.int64)
+            self._ranks[self._slots_ascending] = np.arange(len(self._slots_ascending))
+        return self._ranks
 
     def column(self, numbers: Mapping[str, int]) -> Ints:
         """(slots,) the number of each robot; 0 for a robot that is not in `numbers`, and for a free slot."""
@@ -57,14 +74,18 @@ class RobotSlots:
         new = np.flatnonzero(slots < 0).tolist()
         for row in new:
             slots[row] = self._new_slot(uuids[row])
+        if new:
+            self._add_to_ranks(sorted({uuids[row] for row in new}))
         return slots, new
 
     def release(self, uuids: Iterable[str]) -> Ints:
         """(n,) the slots that robots leave. Robots that have none are ignored."""
-        slots = [self.by_uuid.pop(uuid) for uuid in uuids if uuid in self.by_uuid]
+        ranks, slots = self.ranks(), [self.by_uuid.pop(uuid) for uuid in uuids if uuid in self.by_uuid]
         for slot in slots:
             self.uuids[slot] = ""
         self._free += slots
+        if slots:
+            self._remove_from_ranks(np.sort(ranks[slots]))
         return np.array(slots, np.int64)
 
     def _new_slot(self, uuid: str) -> int:
@@ -79,43 +100,16 @@ class RobotSlots:
         self.by_uuid[uuid] = slot
         return slot
 
+    def _add_to_ranks(self, uuids: Sequence[str]) -> None:
+        """Add new robots, in ascending order. One that comes or leaves costs no sorting of all the others."""
+        places = [bisect_left(self._ascending, uuid) for uuid in uuids]
+        self._slots_ascending = np.insert(self._slots_ascending, places, self.find(uuids))
+        for more, (place, uuid) in enumerate(zip(places, uuids, strict=True)):
+            self._ascending.insert(place + more, uuid)
+        self._ranks = None
 
-class RankedSlots(RobotSlots):
-    """Slots of robots with ranks. A robot that comes or leaves costs no sorting of all the others."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._ascending: list[str] = []
-        """The UUIDs in ascending order."""
-        self._slots_ascending: Ints = np.zeros(0, np.int64)
-        """Their slots."""
-        self._ranks: Ints | None = None
-        """See `ranks`; None if robots came or left since."""
-
-    def ranks(self) -> Ints:
-        """(slots,) the place of each robot's UUID among all UUIDs in ascending order; 0 for a free slot."""
-        if self._ranks is None:
-            self._ranks = np.zeros(len(self), np.int64)
-            self._ranks[self._slots_ascending] = np.arange(len(self._slots_ascending))
-        return self._ranks
-
-    def assign(self, uuids: Sequence[str]) -> tuple[Ints, list[int]]:
-        slots, new = super().assign(uuids)
-        if new:
-            added = sorted({uuids[row] for row in new})
-            places = [bisect_left(self._ascending, uuid) for uuid in added]
-            self._slots_ascending = np.insert(self._slots_ascending, places, self.find(added))
-            for more, (place, uuid) in enumerate(zip(places, added, strict=True)):
-                self._ascending.insert(place + more, uuid)
-            self._ranks = None
-        return slots, new
-
-    def release(self, uuids: Iterable[str]) -> Ints:
-        ranks, slots = self.ranks(), super().release(uuids)
-        if len(slots):
-            places = np.sort(ranks[slots])
-            self._slots_ascending = np.delete(self._slots_ascending, places)
-            for place in places[::-1].tolist():
-                del self._ascending[place]
-            self._ranks = None
-        return slots
+    def _remove_from_ranks(self, places: Ints) -> None:
+        self._slots_ascending = np.delete(self._slots_ascending, places)
+        for place in places[::-1].tolist():
+            del self._ascending[place]
+        self._ranks = None

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
-from deconflict.sweep.robot_slots import RankedSlots
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.shape_table import UNSOUND as UNSOUND_SHAPE
 from ingest.batch import Floats, Forecasts, Ints
@@ -15,7 +15,7 @@ FEWEST_KNOTS = 10_000
 """The array of knots has at least this size once it is packed."""
 
 
-class SlotTable(RankedSlots):
+class SlotTable(RobotSlots):
     """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it.
 
     Robots come by `replace_forecasts` and leave by `discard`, not by `assign` and `release`. Trailers have keys, too.

@@ -27,7 +27,7 @@ OF_ROBOT = "surprise", "stood_since_s"
 def under_way(estimator: ProbabilityEstimator, watched: WatchedPairs) -> dict[str, Part]:
     """A copy of what is under way."""
     parts = {name: table.part() for name, table in _tables(estimator, watched)}
-    parts[PLACES] = _places(estimator.pending.history, estimator.robots.slots).part()
+    parts[PLACES] = _places(estimator.pending.history, estimator.robots.by_uuid).part()
     for question in estimator.learning.questions.open:
         parts[f"{ASKED}{round(question.asked_s * 1e6)}"] = _of_question(estimator, question).part()
     return parts
@@ -56,9 +56,9 @@ def _leave_others(parts: Mapping[str, Part], estimator: ProbabilityEstimator) ->
     Errors of forecasts count in this order.
     """
     robots, pending = estimator.robots, estimator.pending
-    table = _of_forecasts(pending.history, robots.slots)
+    table = _of_forecasts(pending.history, robots.by_uuid)
     table.columns["made_s"][table.rows_not_in(parts.get(FORECASTS, {}))] = LONG_AGO_S
-    places = _places(pending.history, robots.slots)
+    places = _places(pending.history, robots.by_uuid)
     turned = places._replace(columns={NEXT: pending.history.next_index.copy()})
     turned.fill(parts.get(PLACES, {}))
     pending.turn(turned.columns[NEXT])
@@ -71,7 +71,7 @@ def _tables(estimator: ProbabilityEstimator, watched: WatchedPairs) -> Iterator[
     for name, ledger in (("errors", estimator.ledger), ("following", estimator.following)):
         yield name, _of_ledger(ledger)
         yield f"{name} read", KeyedTable([(name,)], [0], {"refreshed_s": ledger.refreshed_s})
-    slots = robots.slots
+    slots = robots.by_uuid
     columns = {name: robots.records[name] for name in OF_ROBOT}
     yield "robots", KeyedTable([(uuid,) for uuid in slots], list(slots.values()), columns)
     yield "followers", estimator.followers.table(slots)
@@ -113,7 +113,7 @@ def _of_question(estimator: ProbabilityEstimator, question: Question) -> KeyedTa
 
 def _questions(parts: Mapping[str, Part], estimator: ProbabilityEstimator) -> list[Question]:
     """The questions that were open, about robots that are there. Raises `UnreadableError`."""
-    slots, found = estimator.robots.slots, list[Question]()
+    slots, found = estimator.robots.by_uuid, list[Question]()
     for name in (name for name in parts if name.startswith(ASKED)):
         pairs = [[slots[uuid] for uuid in key if uuid in slots] for key in keys_of(parts[name])]
         code = np.array(sorted({estimator.robots.pair_code(*pair) for pair in pairs if len({*pair}) == 2}), np.int64)

@@ -53,6 +53,7 @@ from deconflict.foresight.rollout.rollout import NOBODY
 from deconflict.foresight.rollout.start_times import StartTimes
 from deconflict.sweep.geometry.encounter import STANDING_MPS
 from deconflict.sweep.pair_choice import NO_CROWDS, Claims
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict_client.verbs import Followed
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
 from ingest.kernels import ready
@@ -79,8 +80,10 @@ class ProbabilityEstimator:
         measures: Measures,
         crowds: Mapping[str, int] = NO_CROWDS,
         claims: Claims | None = None,
+        slots: RobotSlots | None = None,
     ) -> None:
-        """`crowds` has the robots in a crowd, and may change; for `claims` see `pair_choice`."""
+        """`crowds` has the robots in a crowd, and may change; for `claims` see `pair_choice`. `slots` are those of the
+        robots, and maybe of others; without any each robot keeps its slot for good."""
         self.measures = measures
         self.ledger = Ledger()
         """All errors of forecasts."""
@@ -91,7 +94,7 @@ class ProbabilityEstimator:
         self.learning = OutcomeLearning(horizon_s, measures)
         self.bounds = Bounds(clearance_m, apart_m, horizon_s)
         """The clearance and the horizon for which probabilities are learned."""
-        self.robots = TrackedRobots(crowds)
+        self.robots = TrackedRobots(RobotSlots() if slots is None else slots, crowds)
         """The robots, and the numbers of their vendors."""
         self.pending = PendingForecasts()
         self._stated_ways, self._doubts = blank_records(0), DoubtedRobots()
@@ -237,42 +240,37 @@ class ProbabilityEstimator:
 
     def _of_heard(self, column: str) -> list[tuple[Pair, float]]:
         """What a column of the table has of each pair in no encounter of which both robots are heard."""
-        rank, rows = self.robots.rank, open_rows(self.pairs, self.pending.newest, self._looked_s - JOINED_S)
+        rank, rows = self.robots.slots.ranks(), open_rows(self.pairs, self.pending.newest, self._looked_s - JOINED_S)
         a, b = slots_of(self.pairs["code"][rows])
         heard = self.pairs[rows[np.argsort(rank[a] * len(rank) + rank[b])]]
         return list(zip(self.robots.pair_names(heard["code"]), heard[column].tolist(), strict=True))
 
     def note_advice(self, now_s: float, until_s: Mapping[str, float]) -> None:
         """Robots are advised to wait until these times, by UUID."""
-        for uuid in until_s.keys() & self.robots.slots.keys():
-            slot = self.robots.slots[uuid]
-            stands = self.robots.records["rests"][slot] or speed_mps(self.pending.history, slot) < STANDING_MPS
-            self.followers.note_advice(slot, now_s, until_s[uuid], bool(stands))
+        for uuid, wait_until_s in until_s.items():
+            if (slot := self.robots.slot_of(uuid)) is not None:
+                stands = self.robots.records["rests"][slot] or speed_mps(self.pending.history, slot) < STANDING_MPS
+                self.followers.note_advice(slot, now_s, wait_until_s, bool(stands))
 
     def note_followed(self, now_s: float, followed: Iterable[Followed]) -> None:
         """Robots do what they were asked, each with that for which it was asked."""
         for robot, other in followed:
-            if (code := self._code_of(robot, other)) is not None:
+            if (code := self.robots.code_of(robot, other)) is not None:
                 self.followers.note_followed(code, now_s)
 
     def following_advice(self, now_s: float) -> list[str | Pair]:
         """UUIDs of the robots that wait as advised, by their newest reports, and the pairs of which one robot does what
         it was asked for the other."""
-        robots = sorted(self.robots.names[self.followers.waiting(now_s - JOINED_S)].tolist())
+        robots = sorted(self.robots.slots.names(self.followers.waiting(now_s - JOINED_S)))
         return [*robots, *sorted(self.robots.pair_names(self.followers.followed(now_s - JOINED_S)))]
 
     def last_advised_wait_s(self, uuid: str) -> float:
         """When a robot was last seen to wait as advised; -inf if it never was."""
-        return self.followers.last_wait_s(self.robots.slots.get(uuid))
+        return self.followers.last_wait_s(self.robots.slot_of(uuid))
 
     def has_followed(self, robot: str, other: str, at_s: float) -> bool:
         """Whether one of two robots did what it was asked for the other at `at_s`."""
-        return (code := self._code_of(robot, other)) is not None and self.followers.has_followed(code, at_s)
-
-    def _code_of(self, robot: str, other: str) -> int | None:
-        """The code of two robots in any order; None if one of them is unknown."""
-        slots = self.robots.slots_of({robot, other}).tolist()
-        return self.robots.pair_code(*slots) if len(slots) == 2 else None
+        return (code := self.robots.code_of(robot, other)) is not None and self.followers.has_followed(code, at_s)
 
     def is_standing(self, uuid: str) -> bool:
         """Whether a robot stands, by its forecast or by its reports. False for an unknown robot."""
@@ -280,11 +278,11 @@ class ProbabilityEstimator:
 
     def is_distrusted(self, uuid: str) -> bool:
         """Whether a robot's forecasts contradict its own motion. False for an unknown robot."""
-        return (slot := self.robots.slots.get(uuid)) is not None and bool(self._contradicts(slot))
+        return (slot := self.robots.slot_of(uuid)) is not None and bool(self._contradicts(slot))
 
     def distrusted(self) -> list[str]:
         """UUIDs of the robots to name as those that move otherwise than they announce, in ascending order."""
-        return sorted(self.robots.names[self._doubts.named(self._looked_s)].tolist())
+        return sorted(self.robots.slots.names(self._doubts.named(self._looked_s)))
 
     def _contradicts(self, slots: int | Ints | slice) -> Bools:
         """Which robots of `slots`, or whether that of one slot, contradict their forecasts by their motion."""

@@ -1,6 +1,7 @@
 """Which pairs are worth a look: those that the exact sweep found, and those that may come near."""
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +39,8 @@ class PairCandidates:
 
     def codes_of(self, pairs: Iterable[Pair]) -> Ints:
         """(p,) the codes of those of `pairs` of which both robots are known."""
-        slots_of = self._robots.slots
-        known = [(slots_of[a], slots_of[b]) for a, b in pairs if a in slots_of and b in slots_of]
-        slots = np.array(known, np.int64).reshape(-1, 2)
-        return codes(slots[:, 0], slots[:, 1])
+        slots = self._robots.find([*chain.from_iterable(pairs)]).reshape(-1, 2)
+        return codes(*slots[(slots >= 0).all(axis=1)].T)
 
     def worth_learning_from(self, pairs: Pairs) -> Pairs:
         """Those of `pairs` (p,) of which no robot is partly examined: such robots report what can't be true, or are
@@ -72,7 +71,7 @@ class PairCandidates:
         trains, reaches_m = robots.trailers.reaches_m()
         near_m[trains] += np.maximum(reaches_m - np.hypot(*robots.half_m[:, trains]), 0.0)
         marks = has_news, robots.is_crowded(), are_waiting(robots.records)
-        found = pending.candidate_pairs(*marks, slots, robots.rank, near_m, now_s, self._horizon_s)
+        found = pending.candidate_pairs(*marks, slots, robots.slots.ranks(), near_m, now_s, self._horizon_s)
         a, b = found[:, 0], found[:, 1]
         found = found[heights_overlap(*robots.levels_m[:, a], *robots.levels_m[:, b])]
         held = _held(table, has_news)
@@ -92,7 +91,7 @@ class PairCandidates:
 
     def _sources(self, claims: Claims) -> tuple[Ints, Floats, Bools]:
         """(slots,) of each robot, see `Claims.sources`."""
-        return claims.sources([name or "" for name in self._robots.names.tolist()])
+        return claims.sources(self._robots.slots.uuids)
 
 
 def _held(table: Pairs, has_news: Bools) -> Ints:

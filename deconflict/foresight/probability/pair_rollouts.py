@@ -45,11 +45,12 @@ class PairRollouts:
         a, b = slots_of(near["code"])
         slots = self.schedule.due(a, b, robots.key, now_s)
         if len(slots):
-            slots = slots[np.argsort(robots.rank[slots])]  # so that the result does not depend on who came first
+            rank = robots.slots.ranks()
+            slots = slots[np.argsort(rank[slots])]  # so that the result does not depend on who came first
             nearest = np.argsort(near["near_m"], kind="stable")[: MOST_DRIVEN * len(slots)]
             watched = rows_of_pairs(a[nearest], b[nearest], slots, len(robots))
             result = run_rollout(self._input(slots, watched, start_times, now_s), self._horizon_s, self._clearance_m)
-            is_swapped = robots.rank[result.a] > robots.rank[result.b]
+            is_swapped = rank[result.a] > rank[result.b]
             first, second = np.where(is_swapped, result.b, result.a), np.where(is_swapped, result.a, result.b)
             self.schedule.store(slots, result, codes(first, second), now_s)
             is_due = has_robot_of(pairs["code"], slots)

@@ -1,11 +1,10 @@
 """The robots that the estimator knows: a slot for each, and what is known of it, in columns."""
 
 from collections import deque
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.foresight.forecast_errors.track_kernels import (
     ROBOT,
@@ -18,7 +17,7 @@ from deconflict.foresight.forecast_errors.trailer_tracks import BodyPairs, Trail
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
 from deconflict.sweep.pair_choice import NO_CROWDS
-from deconflict.sweep.robot_slots import RankedSlots, lengthen
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
 from deconflict.sweep.shapes.shape_table import SHAPES
 from ingest.batch import Batch, Bools, Floats, Ints, Pair
@@ -62,23 +61,23 @@ COLUMNS = (
     "vendor",
     "absence",
     "key",
-    "names",
 )
 """Columns by slot. All grow together."""
 
 
 class TrackedRobots:
-    """Columns by slot, with spare slots. A robot keeps its slot until it is removed; another robot may then get it."""
+    """Columns by slot, with spare slots."""
 
-    def __init__(self, crowds: Mapping[str, int] = NO_CROWDS) -> None:
-        """`crowds` has the robots that are in a crowd, and may change."""
-        self._slots, self._crowds = RankedSlots(), crowds
+    def __init__(self, slots: RobotSlots, crowds: Mapping[str, int] = NO_CROWDS) -> None:
+        """`slots` are those of these robots, and maybe of others; they are not freed here. `crowds` has the robots that
+        are in a crowd, and may change."""
+        self.slots, self._crowds = slots, crowds
         self.trailers = TrailerTracks()
         self.vendor_numbers: dict[str, int] = {}
         self._sleeping: deque[tuple[float, Collection[str]]] = deque()
         """When robots fell asleep."""
         self.is_used = np.zeros(0, np.bool_)
-        """Whether a robot has the slot."""
+        """Whether a robot of this table has the slot."""
         self.has_news = np.zeros(0, np.bool_)
         """Whether the robot has reported since the last look."""
         self.is_dormant = np.zeros(0, np.bool_)
@@ -96,30 +95,23 @@ class TrackedRobots:
         """Probability that the robot is silent because it is absent."""
         self.key = np.zeros(0, np.int64)
         """See `start_samples.key_of`."""
-        self.names: NDArray[np.object_] = np.zeros(0, object)
-        """UUIDs, of free slots those of the robots that left; of spare slots 0."""
 
     def __len__(self) -> int:
         """Slots, free and spare ones included."""
         return len(self.records)
 
     @property
-    def slots(self) -> dict[str, int]:
-        """By UUID."""
-        return self._slots.by_uuid
-
-    @property
-    def rank(self) -> Ints:
-        """(slots,) see `RankedSlots.ranks`. The two robots of a pair are named in this order."""
-        return self._slots.ranks()
+    def by_uuid(self) -> dict[str, int]:
+        """The slots of the robots that are known."""
+        return {self.slots.uuids[slot]: slot for slot in np.flatnonzero(self.is_used).tolist()}
 
     def add(self, batch: Batch) -> Ints:
-        """(n,) the slots of the robots of a batch. Robots that are not known get one."""
-        slots, new = self._slots.assign(batch.robots)
-        if len(self._slots) > len(self):
-            self._grow(len(self._slots) + len(self._slots) // 8 + 16)
-        for slot, uuid in zip(slots[new].tolist(), map(batch.robots.__getitem__, new), strict=True):
-            self.is_used[slot], self.key[slot], self.names[slot] = True, key_of(uuid), uuid
+        """(n,) the slots of the robots of a batch, which are known from now on."""
+        slots, _ = self.slots.assign(batch.robots)
+        if len(self.slots) > len(self):
+            self._grow(len(self.slots) + len(self.slots) // 8 + 16)
+        new = slots[~self.is_used[slots]]
+        self.is_used[new], self.key[new] = True, list(map(key_of, self.slots.names(new)))
         return slots
 
     def update(self, slots: Ints, batch: Batch) -> None:
@@ -131,9 +123,9 @@ class TrackedRobots:
         numbers = self.vendor_numbers
         self.vendor[slots] = [numbers.setdefault(vendor, len(numbers)) for vendor in batch.vendors]
 
-    def remove(self, uuids: Iterable[str]) -> Ints:
-        """Free the slots of robots that have left; (n,) the slots."""
-        slots = self._slots.release(uuids)
+    def remove(self, uuids: Collection[str]) -> Ints:
+        """Forget robots that have left; (n,) their slots."""
+        slots = self.slots_of(uuids)
         self.trailers.forget(slots.tolist())
         self.is_used[slots] = self.has_news[slots] = self.is_dormant[slots] = False
         self.records["surprise"][slots] = self.absence[slots] = 0.0
@@ -152,10 +144,20 @@ class TrackedRobots:
         slots = self.slots_of(sorted(resting))
         return slots[self.is_dormant[slots] & (heard_s[slots] <= now_s - RESTS_AFTER_S)]
 
+    def find(self, uuids: Collection[str]) -> Ints:
+        """(n,) the slot of each robot; -1 for one that is not known."""
+        slots = self.slots.find(uuids)
+        return np.where(np.isin(slots, np.flatnonzero(self.is_used)), slots, -1)
+
     def slots_of(self, uuids: Collection[str]) -> Ints:
         """(n,) the slots of those of `uuids` that are known."""
-        slots = self._slots.find(uuids)
+        slots = self.find(uuids)
         return slots[slots >= 0]
+
+    def slot_of(self, uuid: str) -> int | None:
+        """The slot of a robot; None if it is not known."""
+        slot = self.slots.by_uuid.get(uuid, len(self))
+        return slot if slot < len(self) and self.is_used[slot] else None
 
     def relative_poses(self, history: ReportHistory, a: Ints, b: Ints, looks: Looks) -> tuple[RelativePoses, Floats]:
         """The robots of slots `b` (n,) as seen from `a` (n,), and (n, k + m) their distances with their trailers, 0 or
@@ -198,13 +200,19 @@ class TrackedRobots:
         return robots["stays"] | (robots["stood_since_s"] < np.inf)
 
     def pair_code(self, slot: int, other_slot: int) -> int:
-        """The code of a pair of slots, given in any order."""
-        a, b = (slot, other_slot) if self.rank[slot] < self.rank[other_slot] else (other_slot, slot)
+        """The code of a pair of slots, given in any order: its robots are named in ascending order."""
+        rank = self.slots.ranks()
+        a, b = (slot, other_slot) if rank[slot] < rank[other_slot] else (other_slot, slot)
         return int(codes(np.array([a]), np.array([b]))[0])
+
+    def code_of(self, robot: str, other: str) -> int | None:
+        """The code of two robots in any order; None if one of them is unknown."""
+        slots = [slot for uuid in {robot, other} if (slot := self.slot_of(uuid)) is not None]
+        return self.pair_code(*slots) if len(slots) == 2 else None
 
     def pair_names(self, code: Ints) -> list[Pair]:
         """The UUIDs of each pair of `code` (p,)."""
-        a, b = (self.names[slots].tolist() for slots in slots_of(code))
+        a, b = map(self.slots.names, slots_of(code))
         return list(zip(a, b, strict=True))
 
     def pair_vendors(self, code: Ints) -> Ints:

@@ -110,10 +110,8 @@ def _first_near(apart_m: Floats, within_m: float) -> tuple[Ints, Floats]:
 
 def late_starts(pair: Pair, tracked: TrackedRobots, pairs: Pairs) -> tuple[float, float]:
     """By how much later than its forecast says each robot of a pair most probably starts, if they come near so."""
-    if not tracked.slots.keys() >= set(pair):
-        return 0.0, 0.0
-    row = row_of(pairs, tracked.pair_code(*(tracked.slots[uuid] for uuid in pair)))
-    if row is None:
+    code = tracked.code_of(*pair)
+    if code is None or (row := row_of(pairs, code)) is None:
         return 0.0, 0.0
     first_s, second_s = pairs["late_s"][row].tolist()
     return first_s, second_s

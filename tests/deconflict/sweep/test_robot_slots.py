@@ -1,6 +1,6 @@
 import numpy as np
 
-from deconflict.sweep.robot_slots import RankedSlots, RobotSlots
+from deconflict.sweep.robot_slots import RobotSlots
 
 
 def test_a_robot_keeps_its_slot_and_the_next_new_robot_gets_the_slot_that_was_freed_last() -> None:
@@ -20,7 +20,7 @@ def test_a_new_robot_that_stands_in_a_batch_twice_gets_one_slot() -> None:
 
 
 def test_ranks_are_the_places_of_the_uuids_in_ascending_order_whoever_comes_and_leaves() -> None:
-    rng, slots = np.random.default_rng(5), RankedSlots()
+    rng, slots = np.random.default_rng(5), RobotSlots()
     for _ in range(200):
         uuids = [f"{number:02}" for number in rng.integers(0, 60, rng.integers(1, 9))]
         if rng.random() < 0.5:
