@@ -78,7 +78,7 @@ class RobotSweep:
         self._conflict, self._reading = site.conflict, site.reading
         self._live, self._measures, self._claims = live, measures, claims
         bounds = {"clearance_m": site.conflict.clearance_m, "horizon_s": site.conflict.horizon_s}
-        self.sweeper = Sweeper(**bounds, crowds=crowds, claims=claims)
+        self.sweeper = Sweeper(**bounds, crowds=crowds, claims=claims, slots=live.slots)
         self._quiet: list[tuple[float, str]] = []
         """A heap of when to look at the silence of robots, and their UUIDs; see `_next_s`."""
         self._next_s: dict[str, float] = {}

@@ -1,7 +1,7 @@
 """The sweep of a floor, pass after pass: only robots that changed are swept, against all others."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, repeat
+from itertools import chain
 from math import ceil, floor, inf
 
 import numpy as np
@@ -30,11 +30,12 @@ from deconflict.sweep.narrowphase import (
     start_distances,
 )
 from deconflict.sweep.pair_choice import NO_CROWDS, Claims, CrowdedPairs, PairChoice
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
 from deconflict.sweep.shapes.shape_table import SHAPES
-from deconflict.sweep.shapes.trains import Meetings, Trains, of_trains, pairs_of_bodies, pulled_by
+from deconflict.sweep.shapes.trains import Meetings, Trains, is_trailer, of_trains, pairs_of_bodies, pulled_by
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
@@ -64,10 +65,12 @@ class Sweeper:
         horizon_s: float = 10.0,
         crowds: Mapping[str, int] = NO_CROWDS,
         claims: Claims | None = None,
+        slots: RobotSlots | None = None,
     ) -> None:
         """`crowds` is a number for each robot that is in a crowd, and may change. `touch` the robots that it changes
         for. If more pairs come near each other than a floor can hold, `claims` decide which are examined (see
-        `pair_choice`); without them all are."""
+        `pair_choice`); without them all are. `slots` are those of the robots, and maybe of others; without any
+        each robot keeps its slot for good."""
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
         self._clearance_m, self._horizon_s = clearance_m, horizon_s
@@ -79,7 +82,8 @@ class Sweeper:
         """(slots,) whether each body is of a robot in a crowd, in this pass."""
         self._is_cut: Bools = np.zeros(0, bool)
         """(slots,) whether a pair of the body was left out in this pass."""
-        self._slot_table = SlotTable()
+        self.slots = RobotSlots() if slots is None else slots
+        self._slot_table = SlotTable(self.slots)
         self._touched: Bools = np.zeros(0, bool)
         """(slots,) whether the robot changed or left since the last pass."""
         self._is_new: Bools = np.zeros(0, bool)
@@ -133,19 +137,29 @@ class Sweeper:
         """Replace the forecasts of `keys`, which are all different. Returns False, and changes nothing, if any forecast
         is invalid."""
         slots = self._slot_table.replace_forecasts(keys, forecasts, 0.0 if widened_m is None else widened_m)
-        for flags, is_set in ((self._touched, True), (self._is_new, True), (self._is_dormant, False)):
-            flags.resize(len(self._slot_table), refcheck=False)
-            if slots is not None:
-                flags[slots] = is_set
-        return slots is not None
+        self._make_room()
+        if slots is None:
+            return False
+        self._touched[slots] = self._is_new[slots] = True
+        self._is_dormant[slots] = False
+        return True
+
+    def _make_room(self) -> None:
+        """Make room for all slots."""
+        self._slot_table.make_room()
+        for column in (self._touched, self._is_new, self._is_dormant, self._since, self._covered):
+            column.resize(len(self.slots), refcheck=False)
+        self._boxes.grow(len(self.slots))
 
     def discard(self, keys: Iterable[str]) -> None:
         """Remove robots from the floor, with their trailers."""
         self._discard(self._trains.discard(keys) if self._trains.trailers else keys)
 
     def _discard(self, keys: Iterable[str]) -> None:
-        if left := self._slot_table.discard(keys):
-            self._touched[left], self._is_dormant[left] = True, False
+        keys = list(keys)
+        left = self._slot_table.discard(keys)
+        self._touched[left], self._is_dormant[left] = True, False
+        self.slots.release(filter(is_trailer, keys))
 
     def let_sleep(self, keys: Iterable[str]) -> None:
         """These robots stand until their next forecast. No conflicts are looked for among such robots, which are called
@@ -159,14 +173,12 @@ class Sweeper:
 
     def _bodies(self, keys: Iterable[str]) -> list[int]:
         """The slots of robots and of their trailers."""
-        slots = self._slot_table.by_uuid
+        slots = self.slots.by_uuid
         return [slots[key] for key in self._trains.all_bodies(keys) if key in slots]
 
     def encounters(self, pairs: Sequence[tuple[str, str]], at_s: Floats) -> Encounters:
         """(n,) of `ENCOUNTER`: how the robots of n pairs meet at these times, with their sizes as reported."""
-        slots = np.fromiter(
-            map(self._slot_table.by_uuid.get, chain.from_iterable(pairs), repeat(-1)), np.int64, 2 * len(pairs)
-        )
+        slots = self._slot_table.find([*chain.from_iterable(pairs)])
         floor_state = self._slot_table.robots, self._slot_table.knots, self._slot_table.widened_m
         met = encounters(*floor_state, slots, at_s)
         set_places(met, *floor_state, slots.reshape(-1, 2), at_s)
@@ -195,15 +207,13 @@ class Sweeper:
         new_pairs += self._cover_unchanged(first_slab, last_slab, slabs)
         for pairs, covered in new_pairs:
             intervals = self._intervals_of(pairs, covered, held, fcl_check)
-            self._intervals, held = merged(self._intervals, intervals, self._slot_table.ranks()), held[:0]
+            self._intervals, held = merged(self._intervals, intervals, self.slots.ranks()), held[:0]
         return self._listed(self._within(now_s, now_s + reach_s, fcl_check), now_s, is_new, fcl_check)
 
     def _begin_pass(self, first_slab: int) -> tuple[Bools, Bools]:
         """(slots,) which robots to cover anew, and which have a new forecast."""
-        slots = len(self._slot_table)
-        for column in (self._since, self._covered):
-            column.resize(slots, refcheck=False)
-        self._boxes.grow(slots)
+        self._make_room()
+        slots = len(self.slots)
         is_changed, is_new = self._touched, self._is_new
         if first_slab < self._first_slab:
             is_changed |= np.maximum(self._since, self._covered - self._slabs + 1) > first_slab
@@ -259,21 +269,21 @@ class Sweeper:
 
     def _crowd_numbers(self) -> Ints:
         """(slots,) the number of the crowd of each body's robot, 0 for none."""
-        crowds = self._slot_table.column(self._crowds)
+        crowds = self.slots.column(self._crowds)
         if self._trains.trailers and crowds.any():
             crowds = crowds[pulled_by(self._slot_table.robots[: len(crowds)])]
         return crowds
 
     def _intervals_of(self, pairs: Pairs, slots: Ints, held: ContactIntervals, fcl_check: FclCheck) -> ContactIntervals:
         """The contact intervals of those of `pairs` in their slabs that are examined, see `PairChoice.examined`."""
-        ranks, robots, marks = self._slot_table.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
+        ranks, robots, marks = self.slots.ranks(), self._slot_table.robots, (self._is_crowded, self._is_cut)
         pairs = sorted_pairs(pairs, ranks, robots, self._is_crowded, self._is_dormant)
         pairs = self._choice.examined(pairs, slots, held, self._slot_table, self._boxes.by_ring, marks)
         return intervals_of(pairs, self._contacts(pairs, (-inf, inf), fcl_check), self._boxes.by_ring)
 
     def cut_robots(self) -> list[str]:
         """The keys of the robots, or trailers, of which a pair was left out in the last pass."""
-        return self._slot_table.keys[np.flatnonzero(self._is_cut)].tolist()
+        return self.slots.names(np.flatnonzero(self._is_cut))
 
     def _contacts(self, pairs: Pairs, span: Span, fcl_check: FclCheck) -> Contacts:
         """The contact of each pair within `span`. FCL decides what advancement leaves open. Counts the work."""
@@ -312,15 +322,14 @@ class Sweeper:
     def _listed(self, intervals: ContactIntervals, now_s: float, is_new: Bools, fcl_check: FclCheck) -> PairConflicts:
         met = Meetings(*by_pair(intervals, is_new, now_s))
         if self._trains.trailers:
-            met = of_trains(met, self._slot_table.robots, self._slot_table.ranks())
+            met = of_trains(met, self._slot_table.robots, self.slots.ranks())
         a, b, contact_s, separation_m, separation_at_s, fresh = met
         if self._crowds:
-            rows = self._crowded_pairs.kept_rows(a, b, contact_s, self._slot_table.column(self._crowds))
+            rows = self._crowded_pairs.kept_rows(a, b, contact_s, self.slots.column(self._crowds))
             a, b, contact_s, fresh = a[rows], b[rows], contact_s[rows], fresh[rows]
             separation_m, separation_at_s = separation_m[rows], separation_at_s[rows]
-        keys = self._slot_table.keys
         return PairConflicts(
-            pairs=tuple(zip(keys[a].tolist(), keys[b].tolist(), strict=True)),
+            pairs=tuple(zip(*map(self.slots.names, (a, b)), strict=True)),
             contact_s=contact_s,
             separation_m=separation_m,
             separation_at_s=separation_at_s,

@@ -245,7 +245,7 @@ class PairChoice:
         `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
         and whether a pair of it was left out, which is set.
         """
-        most = BOXES.of_pass(len(covered), len(table.by_uuid), len(held))
+        most = BOXES.of_pass(len(covered), np.count_nonzero(table.robots["count"]), len(held))
         if self._claims is None or FAST_COST * len(pairs) <= most:
             return pairs
         begins = np.flatnonzero(
@@ -256,7 +256,7 @@ class PairChoice:
         costs = np.where(are_fast.any(axis=0), np.maximum(found, FAST_COST), found)
         if costs.sum() <= most:
             return pairs
-        pullers = pulled_by(table.robots[: len(table)])
+        pullers = pulled_by(table.robots[: len(table.slots)])
         sharers = _sharers(table, pullers, self._claims, (is_crowded, _are_served(held, covered, len(is_crowded))))
         for slots, rows in zip((first["a"], first["b"]), are_fast, strict=True):
             sharers.is_new[slots[rows]] = True
@@ -304,14 +304,14 @@ def _needs(pairs: Pairs, costs: Ints, boxes: NDArray[Any], are_watched: Bools) -
 
 def _are_watched(pairs: Pairs, table: SlotTable, pullers: Ints, claims: Claims) -> Bools:
     """(p,) whether the robots of each two bodies are watched; `pullers` (slots,) as of `pulled_by`."""
-    find, slots = table.by_uuid.get, len(table)
+    find, slots = table.slots.by_uuid.get, len(table.slots)
     watched = [find(uuid, -1) * slots + find(other, -1) for uuid, other in claims.watched()]
     a, b = pullers[pairs["a"]], pullers[pairs["b"]]
     return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
 
 
 def _sharers(table: SlotTable, pullers: Ints, claims: Claims, marks: tuple[Bools, Bools]) -> Sharers:
-    source, came_s, is_new = claims.sources(table.keys[: len(table)].tolist())
+    source, came_s, is_new = claims.sources(table.slots.uuids)
     return Sharers(source[pullers], came_s[pullers], is_new[pullers], *marks)
 
 

@@ -1,12 +1,11 @@
-"""The robots on a floor: a slot for each, and their newest forecasts in arrays."""
+"""The newest forecasts of the robots on a floor, in arrays by their slots."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots, replace, taken
-from deconflict.sweep.robot_slots import RobotSlots
+from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.shape_table import UNSOUND as UNSOUND_SHAPE
 from ingest.batch import Floats, Forecasts, Ints
@@ -15,18 +14,14 @@ FEWEST_KNOTS = 10_000
 """The array of knots has at least this size once it is packed."""
 
 
-class SlotTable(RobotSlots):
-    """Keys and forecasts by slot, with spare slots. A robot keeps its slot until it leaves; another may then get it.
+class SlotTable:
+    """Forecasts by slot, with spare slots. Robots and trailers come by `replace_forecasts` and leave by `discard`."""
 
-    Robots come by `replace_forecasts` and leave by `discard`, not by `assign` and `release`. Trailers have keys, too.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.keys: NDArray[np.object_] = np.zeros(0, object)
-        """(slots,) keys; "" for a free slot."""
+    def __init__(self, slots: RobotSlots) -> None:
+        """`slots` are those of these robots, and maybe of others; they are not freed here."""
+        self.slots = slots
         self.robots: Robots = np.zeros(0, ROBOT)
-        """(slots,) of `ROBOT`; a free slot has no knots."""
+        """(slots,) of `ROBOT`; without knots where no robot of this table is."""
         self.knots: Knots = np.zeros(0, KNOT)
         """Knots of all robots, and of forecasts that were replaced."""
         self.widened_m: Floats = np.zeros(0)
@@ -42,9 +37,8 @@ class SlotTable(RobotSlots):
         shapes = SHAPES.numbers_of_sound(forecasts)
         if np.any(shapes == UNSOUND_SHAPE):
             return None
-        slots, new = self.assign(keys)
-        if new:
-            self._name(slots[new], [keys[row] for row in new])
+        slots, _ = self.slots.assign(keys)
+        self.make_room()
         used = replace(self.robots, self.knots, slots, self._used, forecasts)
         if used > len(self.knots):
             self.robots["count"][slots] = 0
@@ -75,14 +69,19 @@ class SlotTable(RobotSlots):
     def set_trains(self, trains: Mapping[str, Sequence[str]]) -> None:
         """Set which trailers each robot pulls."""
         for key, trailers in trains.items():
-            slot = self.by_uuid[key]
-            self.robots["train"][[slot, *map(self.by_uuid.__getitem__, trailers)]] = slot + 1
+            slots = self.slots.find([key, *trailers])
+            self.robots["train"][slots] = slots[0] + 1
 
     def discard(self, keys: Iterable[str]) -> list[int]:
-        """Remove robots. Returns the slots that become free."""
-        left = self.release(keys)
-        self.keys[left], self.robots["count"][left], self.robots["train"][left] = "", 0, 0
-        return left.tolist()
+        """Remove robots. Returns their slots."""
+        left = [slot for key in keys if (slot := self.slots.by_uuid.get(key, len(self.robots))) < len(self.robots)]
+        self.robots["count"][left], self.robots["train"][left] = 0, 0
+        return left
+
+    def find(self, keys: Collection[str]) -> Ints:
+        """(n,) the slot of each robot; -1 for one without knots."""
+        slots = self.slots.find(keys)
+        return np.where(np.isin(slots, np.flatnonzero(self.robots["count"])), slots, -1)
 
     def copied(self, keys: Sequence[str]) -> tuple[Robots, Knots]:
         """Copies of the robots of `keys`, in that order, and of their knots; an unknown robot has no knots."""
@@ -92,13 +91,10 @@ class SlotTable(RobotSlots):
         """Those of `slots` whose robot has knots."""
         return slots[self.robots["count"][slots] > 0]
 
-    def _name(self, slots: Ints, keys: Sequence[str]) -> None:
-        """Note the keys of new slots, and make room for them."""
-        if len(self.robots) < len(self):
-            spare = len(self) + len(self) // 8 - len(self.robots)
-            columns = self.robots, self.keys, self.widened_m
-            self.robots, self.keys, self.widened_m = (np.pad(column, (0, spare)) for column in columns)
-        self.keys[slots] = keys
+    def make_room(self) -> None:
+        """Make room for all slots."""
+        if (slots := len(self.slots)) > len(self.robots):
+            lengthen(self, ("robots", "widened_m"), slots + slots // 8 - len(self.robots))
 
     def _pack(self, spare: int) -> None:
         """Drop the knots of forecasts that were replaced, and make room for `spare` more knots."""

@@ -78,6 +78,10 @@ def _key(key: str, at: int) -> str:
     return f"{key}\0{at:02}"
 
 
+def is_trailer(key: str) -> bool:
+    return "\0" in key
+
+
 def pulled_by(robots: Robots) -> Ints:
     """(slots,) the slot of the robot that pulls each trailer; of any other robot its own slot."""
     return np.where(robots["train"] > 0, robots["train"] - 1, np.arange(len(robots)))

@@ -38,6 +38,7 @@ class PathBeliever:
         """Add the robots of a batch that have reported, without those whose older report is only repeated."""
         if batch.gone:
             self._sweeper.discard(batch.gone)
+            self._sweeper.slots.release(batch.gone)
         if not len(batch):
             return
         reported = batch.statuses > 0

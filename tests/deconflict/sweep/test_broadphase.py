@@ -23,6 +23,7 @@ from deconflict.sweep.broadphase import (
 from deconflict.sweep.contact_intervals import PairConflicts
 from deconflict.sweep.geometry.knots import ROBOT
 from deconflict.sweep.incremental import Sweeper
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 from tests.helpers.made_encounters import HORIZON_S, NOW_S, moved, robot, wanderer
@@ -260,7 +261,7 @@ def test_discards_almost_all_pairs_of_a_large_floor() -> None:
 def covered(robots: int, seed: int, grow_m: float) -> tuple[Forecasts, SlotTable, SweptBoxes]:
     rng = np.random.default_rng(seed)
     forecasts = Forecasts.joined(wanderer(rng, knots=12) for _ in range(robots))
-    table, boxes = SlotTable(), SweptBoxes(SLABS)
+    table, boxes = SlotTable(RobotSlots()), SweptBoxes(SLABS)
     slots = table.replace_forecasts([str(row) for row in range(robots)], forecasts)
     assert slots is not None
     boxes.grow(robots)
@@ -300,7 +301,7 @@ def test_a_box_has_the_knot_that_holds_when_it_begins() -> None:
         assert box["knot"] == max(np.searchsorted(t_s, box["slab"], "right") - 1, 0)
     boxes.clear(np.arange(30))
     assert (boxes.by_ring["floor"] == ABSENT).all()
-    assert len(table) == 30
+    assert len(table.slots) == 30
 
 
 def test_a_reach_holds_all_boxes_of_its_robot_and_no_more_until_old_ones_are_replaced() -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from deconflict import sweep as package
 from deconflict.sweep import fcl_check, incremental
 from deconflict.sweep.geometry.knots import Knots, Robots
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.slot_table import SlotTable
 from deconflict.sweep.sweep_once import Conflicts, Invalid, first_contacts, sweep
 from ingest.batch import Floats, Forecasts, Ints
@@ -267,7 +268,7 @@ def test_times_may_count_from_any_epoch() -> None:
 
 
 def laid_out(forecasts: Forecasts) -> tuple[Robots, Knots]:
-    table = SlotTable()
+    table = SlotTable(RobotSlots())
     table.replace_forecasts([str(row) for row in range(len(forecasts))], forecasts)
     return table.robots, table.knots
 

@@ -8,6 +8,7 @@ import pytest
 
 from deconflict.advice.holds.hold_windows import SHORT_S, DelayWindows, HoldWindow
 from deconflict.sweep.geometry.knots import Knots, Robots, delayed
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Forecasts
 from tests.deconflict.advice.made_near import SeenRobot, near
@@ -27,7 +28,7 @@ def wandering(ends_s: float) -> Forecasts:
 
 
 def late(forecasts: Forecasts, hold_s: list[float]) -> tuple[Robots, Knots]:
-    table, keys = SlotTable(), [str(row) for row in range(len(forecasts))]
+    table, keys = SlotTable(RobotSlots()), [str(row) for row in range(len(forecasts))]
     table.replace_forecasts(keys, forecasts)
     until = (LEAVES_S, HORIZON_S, SHORT_S, BEYOND_S)
     return delayed(*table.copied(keys), np.arange(len(hold_s)), np.array(hold_s), *until)
