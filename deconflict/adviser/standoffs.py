@@ -147,10 +147,10 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
     long = [
         slot
         for slot in slots[now_s - robots.records["rests_s"][slots] >= CROSSING_S].tolist()
-        if robots.uuids[slot] not in waiting
+        if robots.slots.uuids[slot] not in waiting
     ]
     ways = wanted_ways(robots, np.array(long, np.int64), CROSSING_M)
-    uuids, rests_s = robots.uuids, robots.records["rests_s"]
+    uuids, rests_s = robots.slots.uuids, robots.records["rests_s"]
     return [
         Crossing((uuids[a], uuids[b]), float(rests_s[[a, b]].max()), before_m)
         for (a, b), before_m in meetings(robots, ways)
@@ -160,7 +160,7 @@ def _crossings(robots: RobotTable, slots: Ints, waiting: dict[str, Waiting], now
 def _waiting(robots: RobotTable, slots: Ints, others: Ints, way_rad: Floats, rests: Bools) -> dict[str, Waiting]:
     """By robot, those of `slots` (n,) whose ways `others` (n,) stand or drive in, which lead to `way_rad` (n,) there;
     `rests` is by slot."""
-    uuids, rests_s = robots.uuids, robots.records["rests_s"]
+    uuids, rests_s = robots.slots.uuids, robots.records["rests_s"]
     other_s = np.where(rests[others], rests_s[others], np.inf)
     speed_mps = np.where(rests[slots], 0.0, robots.records["speed_mps"][slots])
     columns = (column.tolist() for column in (slots, others, rests_s[slots], other_s, speed_mps, way_rad))

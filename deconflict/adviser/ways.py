@@ -104,7 +104,7 @@ def _steps_m(robots: RobotTable, slots: Ints) -> Floats:
     steps_m: Floats = np.where(goes[:, None, None], robots.steps_m[slots], here_m)
     for row in np.flatnonzero(waits & ~goes).tolist():
         slot = int(slots[row])
-        if robots.records["held_up"][slot] or robots[robots.uuids[slot]].state == WAITING:
+        if robots.records["held_up"][slot] or robots[robots.slots.uuids[slot]].state == WAITING:
             (path,) = robots.paths([slot])
             steps_m[row] = steps_along(path)
     return steps_m

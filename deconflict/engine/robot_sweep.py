@@ -54,16 +54,11 @@ class PairClaims:
         heard_s = self._live.event_s[[robots[uuid].slot for uuid in concerned]]
         return list(compress(concerned, (heard_s >= self._now_s - LATELY_S).tolist()))
 
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
-        live = self._live
-        if not live.robots:
-            return np.zeros(len(robots), np.int64), np.zeros(len(robots)), np.zeros(len(robots), np.bool_)
-        known = list(live.robots.values())
-        of_known = np.array([robot.slot for robot in known])
-        newest_s, first_s = live.event_s[of_known].max(), live.came_s[of_known].min()
-        slots = np.array([live.robots[uuid].slot if uuid in live.robots else of_known[0] for uuid in robots], np.int64)
-        came_s = live.came_s[slots]
-        return live.source[slots], came_s, (came_s > newest_s - NEW_S) & (came_s > first_s + LATER_S)
+    def sources(self) -> tuple[Ints, Floats, Bools]:
+        live, known = self._live, [robot.slot for robot in self._live.robots.values()]
+        live.make_room()
+        newest_s, first_s = live.event_s[known].max(initial=-inf), live.came_s[known].min(initial=inf)
+        return live.source, live.came_s, (live.came_s > newest_s - NEW_S) & (live.came_s > first_s + LATER_S)
 
     def watched(self) -> Iterable[Pair]:
         return self._conflicts.pairs.all()

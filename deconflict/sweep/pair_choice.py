@@ -16,7 +16,7 @@ sources:
    source, then with the second one. Robots that came later than it follow those that did not.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -54,9 +54,9 @@ def nearest_of_each(group: Ints, away_m: Floats, most: int) -> Ints:
 class Claims(Protocol):
     """Which claims robots and pairs have to be examined."""
 
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
-        """(n,) a number of each robot's source, from 0 on; since when the robot is known; and whether it came lately,
-        when others were there already. "" is no robot, and has any."""
+    def sources(self) -> tuple[Ints, Floats, Bools]:
+        """(slots,) a number of each robot's source, from 0 on; since when the robot is known; and whether it came
+        lately, when others were there already. There may be more slots, and any numbers where no robot is."""
 
     def watched(self) -> Iterable[Pair]:
         """The pairs of robots that are watched."""
@@ -245,7 +245,7 @@ class PairChoice:
         `boxes` (rings, slots) are those of the bodies; `marks` (slots,) are whether a body is of a robot in a crowd,
         and whether a pair of it was left out, which is set.
         """
-        most = BOXES.of_pass(len(covered), np.count_nonzero(table.robots["count"]), len(held))
+        most = BOXES.of_pass(len(covered), int(np.count_nonzero(table.robots["count"])), len(held))
         if self._claims is None or FAST_COST * len(pairs) <= most:
             return pairs
         begins = np.flatnonzero(
@@ -257,7 +257,8 @@ class PairChoice:
         if costs.sum() <= most:
             return pairs
         pullers = pulled_by(table.robots[: len(table.slots)])
-        sharers = _sharers(table, pullers, self._claims, (is_crowded, _are_served(held, covered, len(is_crowded))))
+        (source, came_s, is_new), are_served = self._claims.sources(), _are_served(held, covered, len(is_crowded))
+        sharers = Sharers(source[pullers], came_s[pullers], is_new[pullers], is_crowded, are_served)
         for slots, rows in zip((first["a"], first["b"]), are_fast, strict=True):
             sharers.is_new[slots[rows]] = True
         needs = _needs(first, costs, boxes, _are_watched(first, table, pullers, self._claims))
@@ -308,11 +309,6 @@ def _are_watched(pairs: Pairs, table: SlotTable, pullers: Ints, claims: Claims) 
     watched = [find(uuid, -1) * slots + find(other, -1) for uuid, other in claims.watched()]
     a, b = pullers[pairs["a"]], pullers[pairs["b"]]
     return np.isin(a * slots + b, watched) | np.isin(b * slots + a, watched)
-
-
-def _sharers(table: SlotTable, pullers: Ints, claims: Claims, marks: tuple[Bools, Bools]) -> Sharers:
-    source, came_s, is_new = claims.sources(table.slots.uuids)
-    return Sharers(source[pullers], came_s[pullers], is_new[pullers], *marks)
 
 
 class CrowdedPairs:

@@ -70,13 +70,13 @@ class SeenGround:
 
     def add(self, robots: RobotTable, slots: Sequence[int]) -> None:
         """Robots of `slots` were reported where they are."""
-        sizes = {slot: size for slot in slots if not _is_large(size := size_of(robots, robots.uuids[slot]))}
+        sizes = {slot: size for slot in slots if not _is_large(size := size_of(robots, robots.slots.uuids[slot]))}
         if not sizes:
             return
         rows, squares = _under(bodies(robots, np.array(list(sizes))))
         ends = np.searchsorted(rows, np.arange(len(sizes) + 1)).tolist()
         for row, (slot, size) in enumerate(sizes.items()):
-            key = robots[robots.uuids[slot]].datum, size
+            key = robots[robots.slots.uuids[slot]].datum, size
             self._squares[key] = self._squares.pop(key) if key in self._squares else _Squares()
             self._squares[key].add(squares[ends[row] : ends[row + 1]].tolist())
         while len(self._squares) > MOST_SIZES:

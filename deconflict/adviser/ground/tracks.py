@@ -77,11 +77,10 @@ class Tracks:
 
     def observe(self, robots: RobotTable, updated: Iterable[str]) -> list[int]:
         """Returns the slots of those whose poses are kept."""
-        updated, kept = set(updated), []
-        slots = [slot for slot, uuid in enumerate(robots.uuids) if uuid in updated]
+        kept, slots = [], sorted(robots.slots.find({*updated}).tolist())
         columns = (robots.records[name][slots].tolist() for name in POSE)
         for slot, *pose in zip(slots, *columns, strict=True):
-            poses = self._poses.setdefault(robots.uuids[slot], deque(maxlen=KEPT))
+            poses = self._poses.setdefault(robots.slots.uuids[slot], deque(maxlen=KEPT))
             if poses and poses[-1][0] != pose[0]:
                 poses.clear()
             if not poses or hypot(pose[1] - poses[-1][1], pose[2] - poses[-1][2]) >= STEP_M:

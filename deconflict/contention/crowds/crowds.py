@@ -154,7 +154,7 @@ class Crowds:
                 live.crowd[heap], live.crowded_s[heap] = self._heap_labels(heap, kind[heap]), now_s
         live.crowd[now_s - live.crowded_s > HELD_S] = 0
         crowded = np.flatnonzero(live.crowd)
-        uuids = [live.uuids[slot] for slot in crowded.tolist()]
+        uuids = live.slots.names(crowded)
         numbers = dict(zip(uuids, live.crowd[crowded].tolist(), strict=True))
         self._crowded_s = dict(zip(uuids, live.crowded_s[crowded].tolist(), strict=True))
         changed = numbers.keys() ^ self._numbers.keys()
@@ -200,7 +200,7 @@ class Crowds:
         live = self._live
         group = np.select([kind == OF_VENDOR, kind == OF_SOURCE], [live.vendor[heap], live.source[heap]], 0)
         _, rows, label_of = np.unique(4 * group + kind, return_index=True, return_inverse=True)
-        robots = [live.robots[live.uuids[slot]] for slot in heap[rows].tolist()]
+        robots = [live.robots[uuid] for uuid in live.slots.names(heap[rows])]
         labels = list(map(_label, robots, kind[rows].tolist()))
         before = self._joined_before(heap) if len(labels) > 1 else None
         if len(labels) <= (1 if before else MOST_LABELS):
@@ -233,7 +233,7 @@ class Crowds:
     def _crowd(self, label: str, slots: Ints) -> Crowd:
         """The crowd of robots of one label and floor."""
         live = self._live
-        robots = tuple(live.uuids[slot] for slot in slots.tolist())
+        robots = tuple(live.slots.names(slots))
         middle_m = live.at[max(_heaps(live, slots), key=len), :2].mean(axis=0)
         return Crowd(label, live.floors[int(live.at[slots[0], 2])], robots, *middle_m.tolist())
 

@@ -69,7 +69,7 @@ def charging_needs(
         rows = np.flatnonzero([other == vendor for other in vendors])
         likely = _likely(level_pct[rows], drains[rows], batteries.share_below(vendor))
         for row, likely_by in zip(rows.tolist(), likely, strict=True):
-            robot = robots[robots.uuids[slots[row]]]
+            robot = robots[robots.slots.uuids[slots[row]]]
             chargers = _chargers(robot, batteries, geometry)
             if likely_by[-1] >= LEAST_LIKELY and chargers and not _is_settled(robot, geometry):
                 found.append(ChargingNeed(robot.uuid, float(level_pct[row]), chargers, likely_by))

@@ -70,11 +70,6 @@ class RobotTable(Mapping[str, RobotView]):
     def __contains__(self, uuid: object) -> bool:
         return uuid in self._names
 
-    @property
-    def uuids(self) -> list[str]:
-        """By slot; "" for a free slot."""
-        return self.slots.uuids
-
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
 
@@ -301,19 +296,19 @@ class RobotTable(Mapping[str, RobotView]):
 
     def vendors(self, slots: Ints) -> list[str]:
         """The vendors of robots, in that order."""
-        return [self._names[self.uuids[slot]][0] for slot in slots.tolist()]
+        return [self._names[uuid][0] for uuid in self.slots.names(slots)]
 
     def passing(self) -> list[RobotView]:
         """Robots with a zone on their way."""
-        return [self[self.uuids[slot]] for slot in self._passages]
+        return [self[self.slots.uuids[slot]] for slot in self._passages]
 
     def placed(self) -> list[RobotView]:
         """Robots that have a resource."""
-        return [self[self.uuids[slot]] for slot in self._here]
+        return [self[self.slots.uuids[slot]] for slot in self._here]
 
     def bound(self) -> list[RobotView]:
         """All robots that go to a resource, and some that may."""
-        return [self[self.uuids[slot]] for slot in np.flatnonzero(self.records["bound"]).tolist()]
+        return [self[uuid] for uuid in self.slots.names(np.flatnonzero(self.records["bound"]))]
 
     def outlines(self, slots: Sequence[int]) -> NDArray[np.object_]:
         """The envelopes of robots."""

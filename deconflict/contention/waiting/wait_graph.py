@@ -154,7 +154,7 @@ def _stood_on(robots: RobotTable, nearby: NearbyBoxes) -> dict[Node, RobotView]:
     if not pairs:
         return {}
     ends = list(dict.fromkeys(end for end, _ in pairs))
-    standing = sorted({slot for _, slot in pairs}, key=lambda slot: robots.uuids[slot])
+    standing = sorted({slot for _, slot in pairs}, key=lambda slot: robots.slots.uuids[slot])
     stops = robots.stops[[slot for slot, _ in ends], [number for _, number in ends]]
     points = shapely.points(stops["x_m"], stops["y_m"])
     found: dict[Node, RobotView] = {}
@@ -162,7 +162,7 @@ def _stood_on(robots: RobotTable, nearby: NearbyBoxes) -> dict[Node, RobotView]:
     for row, index in sorted(shapely.STRtree(robots.outlines(standing)).query(points, "intersects").T.tolist()):
         (slot, number), other = ends[row], standing[index]
         if (ends[row], other) in may_meet and stops["floor"][row] == robots.records["floor"][other]:
-            found.setdefault((robots.uuids[slot], number), robots[robots.uuids[other]])
+            found.setdefault((robots.slots.uuids[slot], number), robots[robots.slots.uuids[other]])
     return found
 
 
@@ -231,7 +231,7 @@ def hindrances(robots: RobotTable, nearby: NearbyBoxes, now_s: float) -> list[Hi
     along_m = shapely.line_locate_point(paths[row], centres)
     kept = nearest_of_each(row, along_m, MOST_IN_WAY)
     met = zip(slots[kept].tolist(), others[kept].tolist(), along_m[kept].tolist(), strict=True)
-    uuids = robots.uuids
+    uuids = robots.slots.uuids
     found = [_hindrance(robots[uuids[slot]], robots[uuids[other]], to_m, now_s) for slot, other, to_m in met]
     return sorted(found, key=lambda hindrance: (hindrance.waiter, hindrance.from_s, hindrance.blocker))
 

@@ -143,18 +143,13 @@ class LiveRobots:
     _vendor_numbers: dict[str, int] = field(default_factory=dict)
     _source_numbers: dict[str, int] = field(default_factory=dict)
 
-    @property
-    def uuids(self) -> list[str]:
-        """By slot; "" for a free slot."""
-        return self.slots.uuids
-
     def update(self, batch: Batch) -> list[str]:
         """Replace what is known of the robots of a batch. Returns the UUIDs of new robots."""
         self.floors, forecasts = batch.floors, batch.forecasts
         self._aside.difference_update(batch.robots)
         slots, _ = self.slots.assign(batch.robots)
         new_rows = [row for row, uuid in enumerate(batch.robots) if uuid not in self.robots]
-        self._grow(len(self.slots) - len(self.at))
+        self.make_room()
         for row in new_rows:
             uuid = batch.robots[row]
             self.robots[uuid] = LiveRobot(batch, row, int(slots[row]))
@@ -174,9 +169,9 @@ class LiveRobots:
         self.source[slots] = _numbered(batch.sources, self._source_numbers)
         return list(dict.fromkeys(batch.robots[row] for row in new_rows))
 
-    def _grow(self, missing: int) -> None:
-        """Make room for this many more slots."""
-        if missing > 0:
+    def make_room(self) -> None:
+        """Make room for all slots."""
+        if len(self.slots) > len(self.at):
             more = max(len(self.slots), 64)
             self.at = np.concatenate([self.at, np.full((more, self.at.shape[1]), np.nan)])
             numbers = "vendor", "source", "crowd", "_is_changed"
@@ -227,10 +222,9 @@ class LiveRobots:
         """The UUIDs of a group and of at most `most` other robots, the nearest to any of the group within a distance,
         on its floor and at its height; ascending. Those in `without` are not among the others."""
         slots, away_m = _near(self.at, np.array([self.robots[uuid].slot for uuid in group], np.int64), within_m)
-        near = [self.uuids[slot] for slot in slots.tolist()]
         others = [
             (distance_m, uuid)
-            for distance_m, uuid in zip(away_m.tolist(), near, strict=True)
+            for distance_m, uuid in zip(away_m.tolist(), self.slots.names(slots), strict=True)
             if uuid not in group and uuid not in without
         ]
         if len(others) > most:

@@ -48,7 +48,7 @@ class PairCandidates:
         doubted = self._robots.slots_of(self._claims.partly_examined()) if self._claims else ()
         if not self._claims or not len(doubted):
             return pairs
-        *_, is_left_out = self._sources(self._claims)
+        *_, is_left_out = self._claims.sources()
         is_left_out[doubted] = True
         a, b = slots_of(pairs["code"])
         return pairs[~(is_left_out[a] | is_left_out[b])]
@@ -87,11 +87,7 @@ class PairCandidates:
         watched = self.codes_of(claims.watched())
         between_m = pending.newest[a, 1:3] - pending.newest[b, 1:3]
         needs = PairNeeds(a, b, moment, np.hypot(*between_m.T), np.isin(codes(a, b), watched), np.ones_like(a))
-        return found[chosen_pairs(needs, Sharers(*self._sources(claims), robots.is_crowded(), is_served), most)]
-
-    def _sources(self, claims: Claims) -> tuple[Ints, Floats, Bools]:
-        """(slots,) of each robot, see `Claims.sources`."""
-        return claims.sources(self._robots.slots.uuids)
+        return found[chosen_pairs(needs, Sharers(*claims.sources(), robots.is_crowded(), is_served), most)]
 
 
 def _held(table: Pairs, has_news: Bools) -> Ints:

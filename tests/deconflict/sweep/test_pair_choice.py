@@ -1,6 +1,6 @@
 """Which pairs are examined if there are too many: what is never left out, and who pays."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from math import cos, pi, sin
 
 import numpy as np
@@ -25,6 +25,7 @@ from tests.helpers.made_encounters import NOW_S, robot
 ATTACKERS, HONEST = 300, 40
 SLOTS = HONEST + ATTACKERS
 MOST = 1200
+BODIES = 100
 
 
 def all_pairs() -> tuple[Ints, Ints]:
@@ -176,8 +177,8 @@ def test_a_robot_that_is_served_gets_none_of_its_pairs_whatever_the_budget() -> 
 class EqualClaims:
     """All robots are of one source and came together; none is watched."""
 
-    def sources(self, robots: Sequence[str]) -> tuple[Ints, Floats, Bools]:
-        return np.zeros(len(robots), np.int64), np.zeros(len(robots)), np.zeros(len(robots), bool)
+    def sources(self) -> tuple[Ints, Floats, Bools]:
+        return np.zeros(BODIES, np.int64), np.zeros(BODIES), np.zeros(BODIES, bool)
 
     def watched(self) -> Iterable[tuple[str, str]]:
         return ()

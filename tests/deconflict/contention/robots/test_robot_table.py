@@ -53,7 +53,7 @@ def known(robots: RobotTable) -> dict[str, list[str]]:
     waiting = np.flatnonzero(robots.records["waits"]).tolist()
     left = zip(waiting, robots.paths(waiting), strict=True)
     return {uuid: list(texts) for uuid, texts in lines.items()} | {
-        f"way of {robots.uuids[slot]}": [way.wkt] for slot, way in left
+        f"way of {robots.slots.uuids[slot]}": [way.wkt] for slot, way in left
     }
 
 
@@ -101,7 +101,7 @@ def test_which_robots_stand_and_since_when_follows_from_their_reports() -> None:
                 not robot.goes or event_s - stood[uuid][2] >= STANDS_S,
             )
             assert (robot.here == "d1") == (abs(robot.x_m - 20) <= 1 and abs(robot.y_m) <= 1)
-            waits = robots.records["waits"][robots.uuids.index(uuid)]
+            waits = robots.records["waits"][robots.slots.uuids.index(uuid)]
             assert not waits or not (robot.goes or robot.state in RESTING)
             stands += robot.stands
     assert stands > 100
@@ -112,7 +112,7 @@ def test_collected_boxes_hold_the_robots_that_stand_and_the_paths() -> None:
     for batch in batches(30):
         robots.update(batch)
     ends_m, standing_m, going_m, ends, standing, going = collect_boxes(robots.records, robots.stops, ROUNDING_M)
-    uuid = robots.uuids.__getitem__
+    uuid = robots.slots.uuids.__getitem__
     found = [
         (robot.uuid, number)
         for robot in robots.values()
