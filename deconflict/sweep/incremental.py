@@ -35,7 +35,7 @@ from deconflict.sweep.shapes.shape_contacts import shape_distances
 from deconflict.sweep.shapes.shape_decisions import FloorState, ShapeDecisions, is_shaped
 from deconflict.sweep.shapes.shape_places import set_places
 from deconflict.sweep.shapes.shape_table import SHAPES
-from deconflict.sweep.shapes.trains import Meetings, Trains, is_trailer, of_trains, pairs_of_bodies, pulled_by
+from deconflict.sweep.shapes.trains import Meetings, Trains, of_trains, pairs_of_bodies, pulled_by
 from deconflict.sweep.slot_table import SlotTable
 from ingest.batch import Bools, Floats, Forecasts, Ints
 
@@ -73,15 +73,12 @@ class Sweeper:
         each robot keeps its slot for good."""
         if not clearance_m >= 0 or not 0 < horizon_s < float("inf"):
             raise ValueError("clearance_m must be at least 0 and horizon_s above 0")
-        self._clearance_m, self._horizon_s = clearance_m, horizon_s
-        self._accuracy_m = ACCURACY_M
+        self._clearance_m, self._horizon_s, self._accuracy_m = clearance_m, horizon_s, ACCURACY_M
         self._crowds, self._crowded_pairs, self._trains = crowds, CrowdedPairs(), Trains()
         self._grow_m, self._slabs = clearance_m / 2 + TOLERANCE_M, ceil(horizon_s) + 1 + AHEAD
         self._choice = PairChoice(claims, self._grow_m)
-        self._is_crowded: Bools = np.zeros(0, bool)
-        """(slots,) whether each body is of a robot in a crowd, in this pass."""
-        self._is_cut: Bools = np.zeros(0, bool)
-        """(slots,) whether a pair of the body was left out in this pass."""
+        self._is_crowded, self._is_cut = np.zeros(0, bool), np.zeros(0, bool)
+        """(slots,) whether each body is of a robot in a crowd, and whether a pair of it was left out, in this pass."""
         self.slots = RobotSlots() if slots is None else slots
         self._slot_table = SlotTable(self.slots)
         self._touched: Bools = np.zeros(0, bool)
@@ -138,11 +135,9 @@ class Sweeper:
         is invalid."""
         slots = self._slot_table.replace_forecasts(keys, forecasts, 0.0 if widened_m is None else widened_m)
         self._make_room()
-        if slots is None:
-            return False
-        self._touched[slots] = self._is_new[slots] = True
-        self._is_dormant[slots] = False
-        return True
+        if slots is not None:
+            self._touched[slots], self._is_new[slots], self._is_dormant[slots] = True, True, False
+        return slots is not None
 
     def _make_room(self) -> None:
         """Make room for all slots."""
@@ -156,10 +151,8 @@ class Sweeper:
         self._discard(self._trains.discard(keys) if self._trains.trailers else keys)
 
     def _discard(self, keys: Iterable[str]) -> None:
-        keys = list(keys)
         left = self._slot_table.discard(keys)
         self._touched[left], self._is_dormant[left] = True, False
-        self.slots.release(filter(is_trailer, keys))
 
     def let_sleep(self, keys: Iterable[str]) -> None:
         """These robots stand until their next forecast. No conflicts are looked for among such robots, which are called
@@ -264,8 +257,7 @@ class Sweeper:
 
     def _cover(self, slots: Ints, first_slab: int, slabs: int, *, anew: bool = False) -> None:
         self._covered[slots] = first_slab + slabs - 1
-        floor_state = self._slot_table.robots, self._slot_table.knots
-        self._boxes.cover(slots, *floor_state, first_slab, slabs, self._grow_m, anew=anew)
+        self._boxes.cover(slots, *self._floor_state()[1:], first_slab, slabs, self._grow_m, anew=anew)
 
     def _crowd_numbers(self) -> Ints:
         """(slots,) the number of the crowd of each body's robot, 0 for none."""

@@ -8,6 +8,7 @@ from deconflict.sweep.geometry.knots import KNOT, ROBOT, UNSOUND, Knots, Robots,
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict.sweep.shapes.shape_table import SHAPES
 from deconflict.sweep.shapes.shape_table import UNSOUND as UNSOUND_SHAPE
+from deconflict.sweep.shapes.trains import is_trailer
 from ingest.batch import Floats, Forecasts, Ints
 
 FEWEST_KNOTS = 10_000
@@ -18,7 +19,7 @@ class SlotTable:
     """Forecasts by slot, with spare slots. Robots and trailers come by `replace_forecasts` and leave by `discard`."""
 
     def __init__(self, slots: RobotSlots) -> None:
-        """`slots` are those of these robots, and maybe of others; they are not freed here."""
+        """`slots` are those of these robots, and maybe of others; only those of trailers are freed here."""
         self.slots = slots
         self.robots: Robots = np.zeros(0, ROBOT)
         """(slots,) of `ROBOT`; without knots where no robot of this table is."""
@@ -73,9 +74,11 @@ class SlotTable:
             self.robots["train"][slots] = slots[0] + 1
 
     def discard(self, keys: Iterable[str]) -> list[int]:
-        """Remove robots. Returns their slots."""
+        """Remove robots and trailers. Returns their slots; those of trailers are free."""
+        keys = list(keys)
         left = [slot for key in keys if (slot := self.slots.by_uuid.get(key, len(self.robots))) < len(self.robots)]
         self.robots["count"][left], self.robots["train"][left] = 0, 0
+        self.slots.release(filter(is_trailer, keys))
         return left
 
     def find(self, keys: Collection[str]) -> Ints:
