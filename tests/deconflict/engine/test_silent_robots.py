@@ -106,6 +106,31 @@ def test_a_silent_robot_is_removed_once_another_has_driven_through_its_place(doo
     assert robot("first") in floor.engine.live.robots
 
 
+def test_a_robot_keeps_its_slot_until_no_part_knows_it(door: Mapping[str, Part]) -> None:
+    """Contention forgets those that have probably left, and all but presence those that were driven through."""
+    floor, first = at_the_door(door), robot("first")
+    slots, contention = floor.live.slots, floor.engine._shared.contention.robots
+    slot = slots.by_uuid[first]
+    assert first in floor.live.robots
+    assert first not in contention
+    floor.drive("second", DOOR_M - 3.0, 0.2, seconds=4)
+    assert first not in floor.live.robots
+    assert floor.engine.foresight.robots.slot_of(first) is None
+    floor.say("first", 0.0)
+    floor.tick()
+    known = contention.slots, floor.engine.foresight.robots.slots, floor.engine._sweep.sweeper.slots
+    assert all(each is slots for each in known)
+    assert slots.by_uuid[first] == slot == floor.live.robots[first].slot
+    assert floor.presence._intervals.moved(first)
+    assert first in contention
+    floor.wait(SITE.reading.forget_after_s + 60.0)
+    assert (slots.by_uuid, slots.uuids) == ({}, ["", ""])
+    floor.say("third", 3.0)
+    floor.tick()
+    assert floor.live.robots[robot("third")].slot in (0, 1)
+    assert floor.presence._intervals.moved(robot("third")) is None
+
+
 def followed(beside_m: float, path_s: int) -> tuple[Judged, dict[str, float]]:
     """One drives up to the door, tells so much of its way and is not heard again; another follows it. What became of
     their pair."""

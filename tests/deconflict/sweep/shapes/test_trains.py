@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from deconflict.sweep.incremental import Sweeper
+from deconflict.sweep.robot_slots import RobotSlots
 from deconflict.sweep.shapes.shape_encounters import encounter, separation_m
 from deconflict.sweep.shapes.trailers import trailer_forecasts
 from deconflict.sweep.shapes.trains import with_trailers
@@ -170,3 +171,14 @@ def test_trailers_are_as_uncertain_as_the_robot_that_pulls_them(widened_m: float
     sweeper.update(["train"], wide, np.array([widened_m]))
     sweeper.update(["b"], robot([0], [-5.0], [1.0], 0.0, (0.5, 0.5)))
     assert len(sweeper.find_conflicts(NOW_S).pairs) == conflicts
+
+
+def test_a_train_keeps_its_slot_until_whoever_gave_it_frees_it_and_the_sweep_frees_those_of_its_trailers() -> None:
+    slots = RobotSlots()
+    slots.assign(["other", "train"])
+    sweeper = Sweeper(clearance_m=0.2, slots=slots)
+    sweeper.update(["train"], tug(0.0))
+    assert len(slots.by_uuid) > 2
+    sweeper.discard(["train"])
+    assert slots.by_uuid == {"other": 0, "train": 1}
+    assert sweeper.copied(["train"])[0]["count"].tolist() == [0]
