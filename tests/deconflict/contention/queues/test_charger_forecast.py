@@ -141,7 +141,7 @@ def test_a_vendor_that_charges_at_one_of_two_chargers_needs_that_one() -> None:
     scene = Scene(site(C1, C2), {"A": inside(C1), "B": stands(20, at(24.0), 600.0)})
     batteries = scene.engine._shared.contention.robots.batteries
     scene.run(1)
-    slot = scene.engine._shared.contention.robots._slots.by_uuid[robot("A")]
+    slot = scene.engine._shared.contention.robots.slots.by_uuid[robot("A")]
     batteries.arrive_at_charger(slot, 24.0)
     batteries.leave_charger(slot, "Alder", "c1", 90.0)
     (advisory,) = told_of(scene, 30)
