@@ -159,9 +159,9 @@ def test_pairs_cost_what_they_take() -> None:
 def test_a_pass_examines_no_more_than_its_robots_can_have() -> None:
     assert BOXES.of_pass(1, 1000, 0) == BOXES.changed + BOXES.spare
     assert BOXES.of_pass(100, 1000, 0) == BOXES.changed * 100 + BOXES.spare
-    assert BOXES.of_pass(100, 1000, BOXES.held * 1000) == BOXES.least * 100
+    assert BOXES.of_pass(100, 1000, int(BOXES.held * 1000)) == BOXES.least * 100
     room = BOXES.least * 500 + 1
-    assert BOXES.of_pass(500, 1000, BOXES.held * 1000 - room) == room
+    assert BOXES.of_pass(500, 1000, int(BOXES.held * 1000) - room) == room
     assert BOXES.of_pass(10, 20, BOXES.held_least - 100) == 100
 
 
