@@ -25,6 +25,7 @@ from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.seen.base_ends import is_under_way
 from ingest.languages.vda5050.seen.default_headings import are_default
+from ingest.languages.vda5050.seen.filled_in import filled_in
 from ingest.languages.vda5050.seen.line_guided import Along, along_now, placed
 from ingest.languages.vda5050.seen.travels import NEAR_M, is_unfilled, travel_to
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
@@ -170,10 +171,12 @@ def _read_motion(
     position = _on_known_map(position, message, after, findings)
     if isinstance(message, StateMessage):
         after = msgspec.structs.replace(after, visualized=visualized.after_state(own_stamp.t_s, position))
+    was_at = memory.pose.position if memory.pose else None
+    filled, position, velocity = filled_in(after.filled, topic.kind, position, message.velocity, was_at)
     path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
     travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
-    pose = VdaPose(own_stamp, position, message.velocity, path, plan, travel, along)
-    after = msgspec.structs.replace(after, pose=pose)
+    pose = VdaPose(own_stamp, position, velocity, path, plan, travel, along)
+    after = msgspec.structs.replace(after, pose=pose, filled=filled)
     status = status_of(topic.sender.uuid, after, findings)
     return status or update_of(topic.sender.uuid, findings), after
 
