@@ -75,7 +75,7 @@ def state_3(t_s: float, x: float = 0.0, y: float = 0.0, **keys: Any) -> bytes:
 
 
 def visualization(t_s: float, x: float, y: float, **keys: Any) -> bytes:
-    return vda(t_s, agvPosition=position(x, y), **keys)
+    return vda(t_s, **({"agvPosition": position(x, y)} | keys))
 
 
 def factsheet(t_s: float, **keys: Any) -> bytes:

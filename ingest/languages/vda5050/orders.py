@@ -151,12 +151,17 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     first = min(newest.nodes, default=0)
     if first > 0 and first not in before.nodes:
         findings["order-gap"] = None
-    kept = {number: node for number, node in before.nodes.items() if number < first and node.released}
+    kept = {number: _passable(node) for number, node in before.nodes.items() if number < first}
     kept_edges = {number: edge for number, edge in before.edges.items() if number <= first}
     nodes = dict(sorted((kept | newest.nodes).items())[-MOST_NODES:])
     edges = dict(sorted((kept_edges | newest.edges).items())[-MOST_NODES:])
     merged = Order(newest.order_id, newest.update_id, nodes, edges)
     return (*(order for order in known if order is not before), merged)
+
+
+def _passable(node: OrderNode) -> OrderNode:
+    """A node before those of an update, which is released by it."""
+    return node if node.released else msgspec.structs.replace(node, released=True)
 
 
 def swapped(

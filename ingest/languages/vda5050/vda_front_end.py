@@ -8,7 +8,7 @@ remaining nodes, and the order where these are.
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
-from math import inf
+from math import hypot, inf
 from typing import Any
 from uuid import UUID, uuid5
 
@@ -25,8 +25,9 @@ from ingest.languages.vda5050.base_path import order_by
 from ingest.languages.vda5050.orders import Order, is_base_extended, order_of, swapped, with_update, without_far
 from ingest.languages.vda5050.seen.base_ends import is_under_way
 from ingest.languages.vda5050.seen.default_headings import are_default
+from ingest.languages.vda5050.seen.filled_in import filled_in
 from ingest.languages.vda5050.seen.line_guided import Along, along_now, placed
-from ingest.languages.vda5050.seen.travels import travel_to
+from ingest.languages.vda5050.seen.travels import NEAR_M, is_unfilled, travel_to
 from ingest.languages.vda5050.vda_memory import NOTHING, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     KINDS,
@@ -170,10 +171,12 @@ def _read_motion(
     position = _on_known_map(position, message, after, findings)
     if isinstance(message, StateMessage):
         after = msgspec.structs.replace(after, visualized=visualized.after_state(own_stamp.t_s, position))
+    was_at = memory.pose.position if memory.pose else None
+    filled, position, velocity = filled_in(after.filled, topic.kind, position, message.velocity, was_at)
     path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
     travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
-    pose = VdaPose(own_stamp, position, message.velocity, path, plan, travel, along)
-    after = msgspec.structs.replace(after, pose=pose)
+    pose = VdaPose(own_stamp, position, velocity, path, plan, travel, along)
+    after = msgspec.structs.replace(after, pose=pose, filled=filled)
     status = status_of(topic.sender.uuid, after, findings)
     return status or update_of(topic.sender.uuid, findings), after
 
@@ -195,23 +198,25 @@ def _with_state(memory: VdaMemory, state: StateMessage) -> dict[str, Any]:
 def _position(
     message: VdaMotion, t_s: float, memory: VdaMemory, findings: Findings
 ) -> tuple[Position | None, Along | None]:
-    """Where the robot is. If it does not say it, or says 0, 0 since it does not know, that follows from its last node,
-    which may be far back.
+    """Where the robot is. If it does not say it, or says 0, 0 without having been near that, its last node shows it.
+
+    That may be far back, so a place that it said not long before counts for more.
     """
-    position = message.position
-    if position and not (position.is_lost and position.x == position.y == 0.0):
+    position, before, along = message.position, memory.pose, None
+    if position and not is_unfilled(position, before.travel if before else None, t_s):
         return position, None
-    key, along = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition", None
-    before = memory.pose
+    key = "mobileRobotPosition" if (message.version or "").startswith("3") else "agvPosition"
     if isinstance(message, StateMessage) and (before is None or before.gives_way_to_nodes(t_s)):
         along = along_now(before.along if before else None, message, t_s)
         was_at = before.position if before else None
-        if at := placed(message, order_by(memory, message), memory.ways, along.since_m, was_at):
+        at = placed(message, order_by(memory, message), memory.ways, along.since_m, was_at)
+        if at and (position is None or position.is_lost or hypot(at.x, at.y) > NEAR_M):
             findings.note("position-by-node", key, None, f"{along.since_m:.1f} m after node {message.last_node_id}")
             return at, along
-    if position is None:
-        findings.note("position-missing", key, None, "where it was last seen")
-    return position, along
+    if position and (before is None or before.gives_way_to_nodes(t_s)):
+        return position, along
+    findings.note("position-missing", key, None if position is None else "0, 0", "where it was last seen")
+    return None, along
 
 
 def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:

@@ -81,6 +81,8 @@ class VdaMemory(msgspec.Struct, frozen=True, gc=False):
     """Of all orders."""
     unheard: Order | None = None
     """What is known of the order of the newest state, if that was not heard."""
+    filled: frozenset[tuple[str, str]] = frozenset()
+    """Of which kinds of messages heading and velocity are filled in, see `filled_in`."""
     lists_nodes: bool = False
     """Whether any state named nodes that remain."""
     visualized: VisualizedMap = VisualizedMap()

@@ -68,7 +68,11 @@ _STATE = (
     *motion_rules("state"),
 )
 _WHERE = (
-    Rule("position-missing", "A state without position; the robot stays where it was last seen.", "state"),
+    Rule(
+        "position-missing",
+        "No position, or 0, 0 far from the last one; the robot stays where it was last seen.",
+        "state",
+    ),
     in_context("position-by-node", "A state without position; the robot is on its way from the last node.", "state"),
     Rule("map-missing", "A position without mapId; on the one map of its nodes, else on the last one.", "state"),
     in_context(

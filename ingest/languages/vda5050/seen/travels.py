@@ -13,6 +13,8 @@ MOVED_M = 0.2
 """A displacement of this length shows a direction despite the noise of positions."""
 STANDS_S, OBSERVABLE_S = 2.0, 35.0
 """A robot that has not moved so far for the first time stands. Places further apart in time show no motion."""
+NEAR_M, REACH_MPS = 2.0, 5.0
+"""How far from 0, 0 a robot may have been that is there."""
 BACKWARDS_RAD = 3 * pi / 4
 """A robot that moves further off its heading than this drives backwards."""
 
@@ -48,3 +50,13 @@ def travel_to(seen: Travel | None, t_s: float, position: Position) -> Travel:
     has_turned = not abs(turn_between(before_rad, now_rad)) <= CORNER_RAD
     is_backwards = not has_turned and abs(turn_between(now_rad, direction_rad)) > BACKWARDS_RAD
     return Travel(t_s, position, direction_rad, moved_m / lasted_s, is_backwards)
+
+
+def is_unfilled(position: Position, seen: Travel | None, t_s: float) -> bool:
+    """Whether a position may be zeros that nobody filled in: the robot was elsewhere, or was not seen before."""
+    if position.x or position.y or position.theta:
+        return False
+    if seen is None:
+        return True
+    reach_m = NEAR_M + REACH_MPS * max(t_s - seen.t_s, 0.0)
+    return hypot(seen.position.x, seen.position.y) > reach_m

@@ -39,3 +39,11 @@ def test_a_node_that_nobody_placed_ends_the_path() -> None:
     status = Listener().status_after(HEARD, ("state", lost))
     assert [row[1:3] for row in status.path.poses] == [(10.0, 0.0)]
     assert not status.path.ends_in_stop
+
+
+def test_nodes_before_those_of_an_update_remain_also_if_nobody_released_them() -> None:
+    unreleased = [{**each, "released": False} for each in NODES]
+    orders = [("order", order(T + s, unreleased[s : s + 2], orderUpdateId=s)) for s in range(3)]
+    released = [{**each, "released": True} for each in unreleased]
+    status = Listener().status_after(*orders, ("state", under_way(T + 3, 2.0, 0.0, released[1:])))
+    assert [row[1:3] for row in status.path.poses][-1] == (10.0, 16.0)

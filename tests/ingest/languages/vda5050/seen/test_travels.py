@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from tests.helpers.vda_saying import node, order, under_way
+from ingest.languages.model import Update
+from tests.helpers.vda_saying import node, order, position, state, under_way, visualization
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 
@@ -36,3 +37,19 @@ def test_noise_of_a_position_near_a_node_is_no_corner(place: tuple[float, float]
     report = ("state", under_way(T, *place, nodes[1:], velocity={"vx": 1.0}))
     path = Listener().status_after(("order", order(T, nodes)), report).path
     assert [row[1:3] for row in path.poses] == [(10.0, 0.0), (20.0, 0.0)]
+
+
+@pytest.mark.parametrize("keys", [{}, {"mapId": ""}, {"positionInitialized": False}])
+@pytest.mark.parametrize("kind", ["state", "visualization"])
+def test_zeros_of_one_topic_do_not_move_a_robot_that_the_other_shows_elsewhere(kind: str, keys: dict[str, Any]) -> None:
+    zeros = {"agvPosition": position(0.0, 0.0, **keys)}
+    said = {"state": state, "visualization": visualization}
+    other = "visualization" if kind == "state" else "state"
+    listener = Listener()
+    listener.hears(other, said[other](T, 20.0, 10.0))
+    ignored = listener.hears(kind, said[kind](T + 1, 20.0, 10.0, **zeros))
+    assert isinstance(ignored, Update)
+    assert ignored.findings == ("position-missing",)
+    assert listener.status_after((kind, said[kind](T + 60, 20.0, 10.0, **zeros))).x == 0.0, "it says nothing else"
+    near = listener.status_after((other, said[other](T + 61, 1.0, 0.5)), (kind, said[kind](T + 62, 0.0, 0.0)))
+    assert (near.x, near.y) == (0.0, 0.0)
