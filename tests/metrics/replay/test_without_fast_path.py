@@ -40,7 +40,7 @@ def slower(tmp_path: Path) -> Path:
 
 def test_a_replay_is_the_same_without_the_fast_path(slower: Path, tmp_path: Path) -> None:
     log = log_of_a_crossing(tmp_path / "log.jsonl")
-    command = [sys.executable, "-m", "deconflict", "replay", log]
+    command = [sys.executable, "-m", "deconflict", "replay", str(log)]
     environment = os.environ | {"PYTHONPATH": str(slower)}
     scores, advisories = replayed(tmp_path / "fast", partial(run, "replay", log))
     assert advisories
