@@ -15,6 +15,7 @@ from fastapi import FastAPI
 from deconflict.operator.http.server.server_protocols import count_refused
 from deconflict.operator.http.server.uvicorn_server import create_server
 from deconflict.settings.site import Site
+from ingest.measures.lasting_loops import lasting
 from ingest.port.connection_limits import count_failed_accepts
 from ingest.security.certificates import Certificates
 
@@ -79,7 +80,9 @@ class PublicFace:
 
     async def _serve(self, listener: socket.socket) -> None:
         count_failed_accepts(partial(count_refused, self._app.state, "face-no-files"))
-        refreshing = asyncio.create_task(self._refresh())
+        refreshing = asyncio.create_task(
+            lasting("reading tokens and certificates of people", self._refresh, self._app.state.measures)
+        )
         try:
             await self._server.serve([listener])
         finally:

@@ -29,6 +29,7 @@ from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from deconflict_client.advisory import ADVICE, Acknowledgement
 from deconflict_client.situations import AnyRevision
+from ingest.measures.lasting_loops import going_on
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
@@ -152,17 +153,27 @@ class OperatorCalls:
     async def _publish(self, payload: bytes) -> bytes:
         """Take in a parcel of the engine: revisions, near misses, and once a second measures and presence."""
         head, lines = unpacked_parcel(payload)
-        self._engine.received_s = now_s = time.monotonic()
-        if head.get("measures"):
-            self._engine.measures = head["measures"]
-            self._engine.delivery.note_measures(head["measures"], now_s)
-        self._engine.presence = head.get("presence") or self._engine.presence
-        if "queued_s" in head:
-            self._engine.delivery.arrived(head["queued_s"])
+        self._engine.received_s = time.monotonic()
+        with going_on("taking the measures of the engine", self._publisher.measures):
+            self._take_measures(head)
         passes_s = head.get("passes_s", ())
         revisions = map(self._publisher.set_asides.revision_of, lines)
         if (lines or passes_s) and not await self._is_published(revisions, self._situations.publish):
             return REFUSED
+        with going_on("taking what comes beside advisories", self._publisher.measures):
+            await self._take_beside(head)
+        self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
+        return self._taken()
+
+    def _take_measures(self, head: dict[str, Any]) -> None:
+        if "queued_s" in head:
+            self._engine.delivery.arrived(head["queued_s"])
+        self._engine.presence = head.get("presence") or self._engine.presence
+        if head.get("measures"):
+            self._engine.delivery.note_measures(head["measures"], self._engine.received_s)
+            self._engine.measures = head["measures"]
+
+    async def _take_beside(self, head: dict[str, Any]) -> None:
         if head.get("canary"):
             self._engine.canary.arrived(head["canary"])
         if head.get("near_misses"):
@@ -171,8 +182,6 @@ class OperatorCalls:
             await self._keeper.noting.do()  # no advisory waits for the disk
         if head.get("losses"):
             self._add_losses(**head["losses"])
-        self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
-        return self._taken()
 
     async def _answers(self, after: bytes) -> bytes:
         """The answers to advice above a number of the stream, and the last number; the second alone if it is -1."""

@@ -234,6 +234,7 @@ async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
     from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - the supervisor needs no role
     from ingest.fleet import fleet_report  # noqa: PLC0415 - the supervisor needs no fleet
 
+    refuse_taken(settings, ["receiver"])
     with runtime_directory() as name:
         role, stop = ReceiverRole(settings, Path(name), Path(name) / "log"), asyncio.Event()
         running = asyncio.create_task(role.run(stop))

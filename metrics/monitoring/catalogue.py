@@ -277,6 +277,13 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_recording_packing_failing": gauge(
         "1 while older segments of the recording can't be packed; the log of the receiver says why."
     ),
+    "deconflict_port_failures_total": counter(
+        "Failed attempts to open a port when a role has started again, by section of the site file.", "section"
+    ),
+    "deconflict_faults_total": counter(
+        "Errors of the program that ended nothing: what it did is begun again or left out, and the log has each.",
+        "part",
+    ),
     "deconflict_owners_failures_total": counter(
         "Failed attempts to read or write the register of robots' owners.", "what"
     ),
