@@ -25,7 +25,7 @@ from ingest.measures.measures import Measures
 from ingest.settings import ReceiverSettings
 from metrics.monitoring.exposition import render
 from tests.deconflict.operator.http.served_face import until
-from tests.deconflict.roles.test_operator_role import serving
+from tests.deconflict.roles.made_face import serving
 from tests.helpers.made_advisories import made
 from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client

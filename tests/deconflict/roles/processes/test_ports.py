@@ -151,15 +151,15 @@ async def test_a_role_that_finds_its_port_taken_when_it_starts_again_says_so_and
 
 async def test_webhooks_are_told_while_another_program_has_the_port_of_the_operator_face(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text(SECRET)
-    with socket.create_server(("127.0.0.1", 0)) as other, runtime_directory() as runtime, hearing() as told:
-        hook = Webhook(name="mes", url=told.url, secret=f"file:{tmp_path / 'secret'}", kinds=("advisory",))
+    with socket.create_server(("127.0.0.1", 0)) as other, runtime_directory() as runtime, hearing() as other_end:
+        hook = Webhook(name="mes", url=other_end.url, secret=f"file:{tmp_path / 'secret'}", kinds=("advisory",))
         site = Site(operator=Operator(port=other.getsockname()[1]), webhooks=(hook,))
         role, stop = OperatorRole(site, Path(runtime), tmp_path, render), asyncio.Event()
         running = asyncio.create_task(role.run(stop))
         engine = AsyncCaller(Path(runtime), "operator")
         await until((Path(runtime) / "operator.sock").exists)
         assert await engine.call("publish", packed_parcel({}, [to_json(made(1))])) == STORED
-        await heard(told, 1)
+        await heard(other_end, 1)
         assert not role.ready.is_set()
         stop.set()
         await asyncio.wait_for(running, PATIENCE_S)
