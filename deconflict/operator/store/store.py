@@ -289,7 +289,7 @@ class Store:
 
     def encounters_after(self, pair: Pair, limit: int) -> list[tuple[Pair, int]]:
         """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending, also of what was
-        removed."""
+        removed. One of them may be `FORGOTTEN`."""
         with self._file_and_pending() as (db, pending):
             ordinals = dict(tables.encounters_after(db, pair, limit))
             is_last = len(ordinals) < limit
@@ -301,7 +301,11 @@ class Store:
         return sorted(ordinals.items())
 
     def prune(self, before: datetime, latest_s: float = float("inf")) -> int:
-        """Remove cleared advisories that are old (`pruning.last_old`), with every revision; returns how many."""
+        """Remove cleared advisories that are old (`pruning.last_old`), with every revision; returns how many.
+
+        Also forget pairs that are too many.
+        """
+        pruning.forget_surplus_pairs(self.connections)
         with self.connections.long_reading() as db:
             last = pruning.last_old(db, before.timestamp(), latest_s)
         return self._prune(lambda db: pruning.remove_old(db, before.timestamp(), latest_s, last))

@@ -252,11 +252,16 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
     parties = zip(advisory.robots, advisory.vendors, strict=True)
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
-        db.execute(
-            """INSERT INTO encounters VALUES (?, ?, ?)
-            ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
-            (*advisory.robots, advisory.encounter),
-        )
+        note_encounter(db, advisory.robots, advisory.encounter)
+
+
+def note_encounter(db: sqlite3.Connection, pair: Pair, number: int) -> None:
+    """A pair has had an encounter with this number."""
+    db.execute(
+        """INSERT INTO encounters VALUES (?, ?, ?)
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
+        (*pair, number),
+    )
 
 
 def note_removed(db: sqlite3.Connection, numbers: Iterable[tuple[str, int]]) -> None:
