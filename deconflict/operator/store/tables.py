@@ -215,6 +215,15 @@ def write_answer(db: sqlite3.Connection, answered: AnyRevision) -> None:
     insert(db, answered, answers_of(db, answered.id)[0], answer.at)
 
 
+def write_open(db: sqlite3.Connection, revision: AnyRevision) -> None:
+    """Write the newest revision of what is open, with its answer, and without what came before it."""
+    answer = revision.acknowledgement
+    insert(db, revision, int(answer is not None), revision.updated_at)
+    if answer:
+        newest = answer.model_dump_json()
+        db.execute("UPDATE advisories SET answers = 1, acknowledgement = ? WHERE id = ?", (newest, revision.id))
+
+
 def write_one(db: sqlite3.Connection, revision: AnyRevision, answered: Container[int]) -> Exception | None:
     """Write a numbered revision, or an answer. If it can't be written, returns why, and only its number is used up."""
     failed: Exception | None = None

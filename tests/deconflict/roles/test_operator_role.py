@@ -194,6 +194,30 @@ async def test_a_stuck_disk_holds_up_no_advisory_beside_a_near_miss_nor_what_is_
         assert len(json.loads((disk / "data" / "blackbox" / PENDING).read_text())) == 11
 
 
+async def test_advisories_go_out_from_memory_while_the_store_waits_for_a_disk_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a network drive that hangs: whoever asks the file for anything waits, and so do people."""
+    monkeypatch.setattr("deconflict.operator.store.publisher.STUCK_S", 0.3)
+    async with serving(tmp_path) as (role, engine), http_client(f"http://127.0.0.1:{role.port}") as client:
+        assert await engine.call("publish", packed_parcel({}, [to_json(made(1)), to_json(made(2))])) == STORED
+        connections = role._store.connections
+        with connections.writing(), connections.numbering(), connections.reading(), connections.long_reading():
+            asked = [asyncio.create_task(client.get("/advisories")) for _ in range(20)]
+            began_s = time.monotonic()
+            assert await engine.call("publish", packed_parcel({}, [to_json(cleared(1)), to_json(made(3))])) == STORED
+            assert time.monotonic() - began_s < 3.0
+            listed = (await client.get("/advisories")).json()["advisories"]
+            assert [each["id"] for each in listed] == ["advisory-3", "advisory-2"]
+            store = (await client.get("/healthz")).json()["store"]
+            assert store["status"] == "in memory"
+            assert "does not answer" in store["reason"]
+        await asyncio.gather(*asked)
+        await until(lambda: role._store.outage is None)
+        listed = (await client.get("/advisories")).json()["advisories"]
+        assert [each["id"] for each in listed] == ["advisory-3", "advisory-2"]
+
+
 def test_what_waits_for_a_slow_disk_is_written_before_the_role_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

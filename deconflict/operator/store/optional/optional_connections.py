@@ -18,6 +18,8 @@ from deconflict.operator.store.sqlite_connections import SqliteConnections, Stor
 from deconflict.operator.store.tables import StoreError, last_seq
 from deconflict_client.situations import AnyRevision
 
+STUCK = "its disk does not answer; check it"
+
 log = logging.getLogger(__name__)
 
 OPEN_TIMEOUT_S = 1.0
@@ -30,6 +32,8 @@ class OptionalConnections(SqliteConnections):
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         self._stand_in: StandIn | None = None
         self._memory_lock = Lock()
+        self._left: list[tuple[StoreConnections, list[Lock]]] = []
+        """Files in use that did not answer, and what is locked by those who wait for them."""
         self.outage: str | None = None
         """Why the file is not in use; None if it is."""
         super().__init__(directory, follows_stream=follows_stream)
@@ -68,6 +72,21 @@ class OptionalConnections(SqliteConnections):
             self._file.close()
             self._use_memory(state, why, pending, answered)
 
+    def leave_stuck(self, state: State, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
+        """As `leave_file`, of a file that many may wait for: it is left to them, and closed once it is in use again."""
+        self._left.append((self._file, [self._write_lock, self._number_lock, self._read_lock, self._long_read_lock]))
+        self._write_lock, self._number_lock, self._read_lock, self._long_read_lock = (Lock() for _ in range(4))
+        self._use_memory(state, STUCK, pending, answered)
+
+    def _close_left(self) -> None:
+        """Close the files that were left, unless somebody still waits for one."""
+        for left in list(self._left):
+            file, locks = left
+            with ExitStack() as held:
+                if all(lock.acquire(blocking=False) and held.callback(lock.release) for lock in locks):
+                    file.close()
+                    self._left.remove(left)
+
     def opened_again(self) -> StoreConnections | None:
         """Connections to the file if it is not in use and can be used again; they have all but the newest revisions."""
         if self._stand_in is None:
@@ -101,6 +120,7 @@ class OptionalConnections(SqliteConnections):
             self._stand_in = self.outage = None
             self._is_damaged = False
             stand_in.db.close()
+        self._close_left()
         log.warning("%s is in use again", self.path)
 
     def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
