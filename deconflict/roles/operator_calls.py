@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
@@ -33,6 +33,8 @@ from ingest.measures.lasting_loops import going_on
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
+LEARNED_TIMEOUT_S = 3.0
+Result = TypeVar("Result")
 MOST_ANSWERS = 200
 """Most revisions of advice that are read for answers at once."""
 
@@ -121,7 +123,7 @@ class OperatorCalls:
 
     async def _learned(self, _: bytes) -> bytes:
         """The learned state with which a new engine resumes."""
-        learned = await asyncio.to_thread(self._learned_file.read)
+        learned = await self._unless_stuck(self._learned_file.read, b"")
         await asyncio.to_thread(self._keeper.engine_started, learned)
         return learned
 
@@ -141,14 +143,22 @@ class OperatorCalls:
 
     async def _unlearn(self, reason: bytes) -> bytes:
         """Set the whole learned state aside: the engine starts without it."""
-        await asyncio.to_thread(self._learned_file.set_aside, reason.decode())
+        await self._unless_stuck(partial(self._learned_file.set_aside, reason.decode()), None)
         await asyncio.to_thread(self._keeper.engine_started, b"")
         return b"set aside"
 
     async def _unlearn_parts(self, reasons: bytes) -> bytes:
         """Set aside the parts of the learned state with which the engine does not go on."""
-        await asyncio.to_thread(self._learned_file.set_parts_aside, json.loads(reasons))
+        await self._unless_stuck(partial(self._learned_file.set_parts_aside, json.loads(reasons)), None)
         return b"set aside"
+
+    async def _unless_stuck(self, work: Callable[[], Result], otherwise: Result) -> Result:
+        """What the disk makes of it: an engine that starts does not wait for one that does not answer."""
+        working = asyncio.create_task(asyncio.to_thread(work))
+        if (await asyncio.wait({working}, timeout=LEARNED_TIMEOUT_S))[0]:
+            return working.result()
+        log.error("%s: its disk does not answer; the engine starts without it", self._learned_file.path)
+        return otherwise
 
     async def _publish(self, payload: bytes) -> bytes:
         """Take in a parcel of the engine: revisions, near misses, and once a second measures and presence."""

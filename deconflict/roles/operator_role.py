@@ -20,7 +20,7 @@ from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
-from deconflict.operator.store.publisher import PRUNED, Publisher
+from deconflict.operator.store.publisher import PRUNED, STUCK_S, Publisher
 from deconflict.operator.store.store import StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
@@ -149,7 +149,10 @@ class OperatorRole:
         """Use the file of advisories as soon as it can be used, and memory if it was removed."""
         while True:
             try:
-                if await asyncio.to_thread(self._store.attach):
+                attaching = asyncio.create_task(asyncio.to_thread(self._store.attach))
+                if not (await asyncio.wait({attaching}, timeout=STUCK_S))[0]:
+                    await self._publisher.leave_stuck()
+                if await attaching:
                     await self._publisher.renew_numbers()
             except (StoreError, sqlite3.Error, OSError) as error:
                 log.warning("the file of advisories is tried again: %s", error)

@@ -176,12 +176,22 @@ class Publisher:
         asking = asyncio.create_task(asyncio.to_thread(question))
         for _ in range(LOOKS):  # time in which the whole process was stopped counts as one of them
             await asyncio.wait({asking}, timeout=STUCK_S / LOOKS)
-        if asking.done() or not self._store.leave_stuck():
+        if asking.done() or not await self._has_left():
             return await asking
         asking.add_done_callback(lambda left: left.cancelled() or left.exception())  # nobody else asks for it
-        self._storing = None
-        await self._begin_anew()
         return await asyncio.to_thread(question)
+
+    async def leave_stuck(self) -> None:
+        """Go on without a file whose disk does not answer."""
+        async with self._appending:
+            await self._has_left()
+
+    async def _has_left(self) -> bool:
+        is_left = self._store.leave_stuck()
+        if is_left:
+            self._storing = None
+            await self._begin_anew()
+        return is_left
 
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""

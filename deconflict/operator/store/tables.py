@@ -30,6 +30,9 @@ class StoreError(Exception):
     """The advisories can't be read or written; the message says what to do."""
 
 
+STUCK = "its disk does not answer; check it"
+
+
 class UnreadableAdvisoryError(StoreError):
     """One stored advisory can't be read."""
 

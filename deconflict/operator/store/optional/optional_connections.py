@@ -7,23 +7,46 @@ import logging
 import sqlite3
 import time
 from collections.abc import Callable, Container, Sequence
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from functools import partial
 from pathlib import Path
-from threading import Lock
+from threading import Lock, Thread
+from typing import TypeVar
 
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import SqliteConnections, StoreConnections, begun
-from deconflict.operator.store.tables import StoreError, last_seq
+from deconflict.operator.store.tables import STUCK, StoreError, last_seq
 from deconflict_client.situations import AnyRevision
-
-STUCK = "its disk does not answer; check it"
 
 log = logging.getLogger(__name__)
 
 OPEN_TIMEOUT_S = 1.0
 """How long a file is waited for that another program keeps locked."""
+OPEN_STUCK_S = 5.0
+"""A disk that answers nothing at the start for so long is not waited for."""
+
+Answer = TypeVar("Answer")
+
+
+def within(limit_s: float, ask: Callable[[], Answer], drop: Callable[[Answer], object] = lambda _: None) -> Answer:
+    """The answer of the disk. Raises `StoreError` if it takes longer; `drop` gets an answer that comes later."""
+    asking = Future[Answer]()
+
+    def run() -> None:
+        try:
+            asking.set_result(ask())
+        except BaseException as error:  # noqa: BLE001 - who asked gets it
+            asking.set_exception(error)
+
+    Thread(target=run, name="disk", daemon=True).start()
+    try:
+        return asking.result(limit_s)
+    except TimeoutError:
+        asking.add_done_callback(lambda late: None if late.exception() else drop(late.result()))
+        raise StoreError(STUCK) from None
 
 
 class OptionalConnections(SqliteConnections):
@@ -131,9 +154,13 @@ class OptionalConnections(SqliteConnections):
         if not self._follows_stream and not self._known_seq:
             self._known_seq = epoch(time.time())  # perhaps the disk with the numbers given before is not there
         try:
-            super()._begin()
+            opened = within(OPEN_STUCK_S, self._opened_or_renewed, StoreConnections.close)
+            self._use(opened)
         except (StoreError, OSError) as error:
-            self._use_memory(readable_state(self.path), str(error))
+            state = None
+            with suppress(StoreError):
+                state = within(OPEN_STUCK_S, partial(readable_state, self.path))
+            self._use_memory(state, str(error))
 
     def _opened(self) -> StoreConnections:
         """As before, and what SQLite can open for reading only is no file to use: it would stay so after a repair."""
