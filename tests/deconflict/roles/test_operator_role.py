@@ -25,7 +25,7 @@ from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
 from deconflict.runtime.learned_state import packed
-from deconflict.runtime.parcels import STORED, packed_parcel
+from deconflict.runtime.parcels import STORED, packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.outlet_settings import Webhook
@@ -216,6 +216,24 @@ async def test_advisories_go_out_from_memory_while_the_store_waits_for_a_disk_wi
         await until(lambda: role._store.outage is None)
         listed = (await client.get("/advisories")).json()["advisories"]
         assert [each["id"] for each in listed] == ["advisory-3", "advisory-2"]
+
+
+async def test_health_answers_and_an_engine_starts_while_the_disk_of_the_store_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if nothing is published."""
+    monkeypatch.setattr("deconflict.roles.operator_role.STUCK_S", 2.5)
+    async with serving(tmp_path) as (role, engine), http_client(f"http://127.0.0.1:{role.port}") as client:
+        assert await engine.call("publish", packed_parcel({}, [to_json(made(1))])) == STORED
+        connections = role._store.connections
+        with connections.writing(), connections.numbering(), connections.reading(), connections.long_reading():
+            first, second = await asyncio.gather(client.get("/healthz"), client.get("/healthz"))
+            assert "does not answer" in first.json()["store"]["reason"]
+            assert "does not answer" in second.json()["store"]["reason"]
+            await until(lambda: role._store.outage)
+            _, lines = unpacked_parcel(await engine.call("restore", b"0"))
+            assert [json.loads(line)["id"] for line in lines] == ["advisory-1"]
+        await until(lambda: role._store.outage is None)
 
 
 def test_what_waits_for_a_slow_disk_is_written_before_the_role_ends(

@@ -25,7 +25,9 @@ from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import EVERY_KIND, Acknowledgement, ClearedCode
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.store.made_damage import damage, page
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import START, cleared, made, situation
+from tests.helpers.patience import PATIENCE_S
 
 GIVEN = Acknowledgement(name="Kim", reason="seen", at=START)
 Harm = Callable[[Path], AbstractContextManager[None]]
@@ -385,3 +387,22 @@ async def test_revisions_and_answers_are_published_from_memory_once_a_disk_does_
             await publisher.renew_numbers()
         assert [each.id for each in store.latest("open").advisories] == ["advisory-4", "advisory-3", "advisory-2"]
         await publisher.close()
+
+
+def test_a_store_begins_in_memory_on_a_disk_that_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.optional.optional_connections.OPEN_STUCK_S", 0.3)
+    with disk_that_can_stick(tmp_path) as disk:
+        with closing(OptionalStore(disk / "data")) as store:
+            store.append([made(1)])
+        with stuck(disk):
+            store = OptionalStore(disk / "data")
+            assert "does not answer" in (store.outage or "")
+            (given,) = store.append([made(2)])
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not store.attach() and time.monotonic() < deadline_s:
+            time.sleep(0.1)
+        assert [each.id for each in store.after(0)] == ["advisory-1", "advisory-2"]
+        assert store.after(given.seq - 1) == [given]
+        store.close()
