@@ -3,6 +3,7 @@
 A pipe would make a role wait without end, a device or a huge file would fill its memory. Links are followed.
 """
 
+import codecs
 import io
 import os
 import sqlite3
@@ -16,6 +17,15 @@ MOST_GIVEN_BYTES = 16 << 20
 """A site file, a plan or a result that a person names is not larger."""
 SIDE_FILES = ("-wal", "-shm", "-journal")
 """What SQLite has beside a database."""
+MARKED = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+"""Byte order marks, the longer of two with one beginning first."""
+SAVE_AS = "save it as UTF-8"
 OTHER_KINDS = {
     stat.S_IFDIR: "a directory",
     stat.S_IFIFO: "a pipe",
@@ -65,6 +75,19 @@ def read_file(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """The content of a file. Raises `UnfitFileError` and other `OSError`."""
     with opened(path, most_bytes=most_bytes) as file:
         return file.read(most_bytes + 1) or b""
+
+
+def decoded(raw: bytes) -> str:
+    """Text in UTF-8, or as its byte order mark says, as editors of Windows write it. Raises `UnicodeDecodeError`, which
+    says what to do."""
+    encoding = next((name for mark, name in MARKED if raw.startswith(mark)), "utf-8")
+    if encoding == "utf-8" and b"\0" in raw:
+        raise UnicodeDecodeError(encoding, raw, raw.index(b"\0"), raw.index(b"\0") + 1, f"a zero; {SAVE_AS}")
+    try:
+        return raw.decode(encoding)
+    except UnicodeDecodeError as error:
+        error.reason += f"; {SAVE_AS}"
+        raise
 
 
 def opened_stream(path: Path) -> io.FileIO:

@@ -26,6 +26,7 @@ from operator import attrgetter
 
 from deconflict.advice.document_limits import limited_advice
 from deconflict.advisories import revision_rules
+from deconflict.advisories.encounter_numbers import EncounterNumbers
 from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.revision_budget import Candidate, RevisionBudget
 from deconflict.advisories.severity import severity_of
@@ -54,8 +55,7 @@ class ConflictLifecycle:
     settings: Conflict
     absent_after_s: float
     """A restored advisory is cleared if its robots are not heard of within this time of the first pass."""
-    ordinals: dict[Pair, int] = field(default_factory=dict)
-    """How many encounters each pair has had."""
+    ordinals: EncounterNumbers = field(default_factory=lambda: EncounterNumbers({}))
     pairs: WatchedPairs = field(init=False)
     _unseen: UnseenEnds = field(init=False)
     advisories: dict[Pair, ConflictAdvisory] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class ConflictLifecycle:
 
     def resume(self, published: Mapping[Pair, ConflictAdvisory], ordinals: Mapping[Pair, int]) -> None:
         """Have these advisories open, and no others."""
-        self.ordinals.update(ordinals)
+        self.ordinals.take(ordinals)
         for pair in self.advisories.keys() | published.keys():
             watched, is_known = self.pairs.get(pair) or self.pairs.add(pair), pair in self.advisories
             self.pairs.set_advisory(watched, published.get(pair), None if is_known else -1)
@@ -92,7 +92,7 @@ class ConflictLifecycle:
         """Continue from a revision that another engine made, whatever was decided here for its pair."""
         pair = revision.robots
         watched = self.pairs.get(pair)
-        self.ordinals[pair] = max(revision.encounter, self.ordinals.get(pair, 0))
+        self.ordinals.note(pair, revision.encounter)
         if revision.state is not AdvisoryState.CLEARED:
             self._adopt_open(watched or self.pairs.add(pair), revision)
         elif watched and watched.advisory and watched.advisory.id == revision.id:
@@ -276,8 +276,7 @@ class ConflictLifecycle:
         if watched.advisory:
             revision = conflict_wording.updated(watched.advisory, fields)
         else:
-            self.ordinals[pair] = self.ordinals.get(pair, 0) + 1
-            revision = conflict_wording.raised(pair, self.ordinals[pair], parties, fields, now_s)
+            revision = conflict_wording.raised(pair, self.ordinals.next(pair), parties, fields, now_s)
         self._set_newest(watched, revision, met.floor)
         return revision
 

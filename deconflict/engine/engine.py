@@ -15,6 +15,7 @@ import numpy as np
 from deconflict.advice.deferred_answers import Submit, answer_at_once
 from deconflict.adviser.advice_lifecycle import AnsweredAdvice
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.encounter_numbers import EncounterNumbers
 from deconflict.advisories.live_scene import LiveScene
 from deconflict.advisories.loss_warnings import LossWarnings
 from deconflict.advisories.revision_rules import held_probability
@@ -79,14 +80,14 @@ class Engine:
         self,
         site: Site,
         restored: Collection[AnyAdvisory | RobotAdvice] = (),
-        ordinals: dict[Pair, int] | None = None,
+        ordinals: Mapping[Pair, int] | None = None,
         submit: Submit = answer_at_once,
         burdens_s: Mapping[str, float] | None = None,
         learned: Mapping[str, Part] | None = None,
         *,
         conflicts_only: bool = False,
     ) -> None:
-        """`restored` are advisories and advice that were open before, `ordinals` how many encounters each pair has had.
+        """`restored` are advisories and advice that were open before, `ordinals` as of `EncounterNumbers`.
 
         `submit` has advice worked out, `burdens_s` are the seconds that each vendor has waited so far, `learned` is
         what `learned()` of an earlier engine gave; parts that can't be used are set aside. With `conflicts_only` there
@@ -97,7 +98,7 @@ class Engine:
         self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures, site)
         self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
-        self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, dict(ordinals or {}))
+        self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, EncounterNumbers(ordinals or {}))
         crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
         self.claims = PairClaims(self.live, self._conflicts, crowds)
         self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims, self.live.slots)

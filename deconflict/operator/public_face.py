@@ -6,7 +6,7 @@ Whatever people and programs do to it, storing and outlets go on: they run on th
 import asyncio
 import socket
 import sys
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from threading import Thread
 
@@ -15,10 +15,13 @@ from fastapi import FastAPI
 from deconflict.operator.http.server.server_protocols import count_refused
 from deconflict.operator.http.server.uvicorn_server import create_server
 from deconflict.settings.site import Site
+from ingest.measures.lasting_loops import lasting
 from ingest.port.connection_limits import count_failed_accepts
 from ingest.security.certificates import Certificates
 
 REFRESH_EVERY_S = 5.0
+MOST_THREADS = 64
+"""Some may wait for a disk that does not answer, and the others answer meanwhile."""
 SILENCE_LIMIT_S = 20
 """An event loop that runs nothing for this long hangs."""
 SWITCH_INTERVAL_S = 0.0005
@@ -78,8 +81,11 @@ class PublicFace:
             served.set_exception(error)
 
     async def _serve(self, listener: socket.socket) -> None:
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(MOST_THREADS, "face"))
         count_failed_accepts(partial(count_refused, self._app.state, "face-no-files"))
-        refreshing = asyncio.create_task(self._refresh())
+        refreshing = asyncio.create_task(
+            lasting("reading tokens and certificates of people", self._refresh, self._app.state.measures)
+        )
         try:
             await self._server.serve([listener])
         finally:

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from deconflict.operator.blackbox.blackbox_request import NearPair
 from deconflict.operator.blackbox.keeper import Keeper
@@ -29,9 +29,12 @@ from deconflict.runtime.parcels import REFUSED, STORED, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller, Handler, LinkDownError
 from deconflict_client.advisory import ADVICE, Acknowledgement
 from deconflict_client.situations import AnyRevision
+from ingest.measures.lasting_loops import going_on
 from ingest.measures.measures import Measures
 
 ANSWER_TIMEOUT_S = 5.0
+LEARNED_TIMEOUT_S = 3.0
+Result = TypeVar("Result")
 MOST_ANSWERS = 200
 """Most revisions of advice that are read for answers at once."""
 
@@ -120,7 +123,7 @@ class OperatorCalls:
 
     async def _learned(self, _: bytes) -> bytes:
         """The learned state with which a new engine resumes."""
-        learned = await asyncio.to_thread(self._learned_file.read)
+        learned = await self._unless_stuck(self._learned_file.read, b"")
         await asyncio.to_thread(self._keeper.engine_started, learned)
         return learned
 
@@ -140,29 +143,47 @@ class OperatorCalls:
 
     async def _unlearn(self, reason: bytes) -> bytes:
         """Set the whole learned state aside: the engine starts without it."""
-        await asyncio.to_thread(self._learned_file.set_aside, reason.decode())
+        await self._unless_stuck(partial(self._learned_file.set_aside, reason.decode()), None)
         await asyncio.to_thread(self._keeper.engine_started, b"")
         return b"set aside"
 
     async def _unlearn_parts(self, reasons: bytes) -> bytes:
         """Set aside the parts of the learned state with which the engine does not go on."""
-        await asyncio.to_thread(self._learned_file.set_parts_aside, json.loads(reasons))
+        await self._unless_stuck(partial(self._learned_file.set_parts_aside, json.loads(reasons)), None)
         return b"set aside"
+
+    async def _unless_stuck(self, work: Callable[[], Result], otherwise: Result) -> Result:
+        """What the disk makes of it: an engine that starts does not wait for one that does not answer."""
+        working = asyncio.create_task(asyncio.to_thread(work))
+        if (await asyncio.wait({working}, timeout=LEARNED_TIMEOUT_S))[0]:
+            return working.result()
+        log.error("%s: its disk does not answer; the engine starts without it", self._learned_file.path)
+        return otherwise
 
     async def _publish(self, payload: bytes) -> bytes:
         """Take in a parcel of the engine: revisions, near misses, and once a second measures and presence."""
         head, lines = unpacked_parcel(payload)
-        self._engine.received_s = now_s = time.monotonic()
-        if head.get("measures"):
-            self._engine.measures = head["measures"]
-            self._engine.delivery.note_measures(head["measures"], now_s)
-        self._engine.presence = head.get("presence") or self._engine.presence
-        if "queued_s" in head:
-            self._engine.delivery.arrived(head["queued_s"])
+        self._engine.received_s = time.monotonic()
+        with going_on("taking the measures of the engine", self._publisher.measures):
+            self._take_measures(head)
         passes_s = head.get("passes_s", ())
         revisions = map(self._publisher.set_asides.revision_of, lines)
         if (lines or passes_s) and not await self._is_published(revisions, self._situations.publish):
             return REFUSED
+        with going_on("taking what comes beside advisories", self._publisher.measures):
+            await self._take_beside(head)
+        self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
+        return self._taken()
+
+    def _take_measures(self, head: dict[str, Any]) -> None:
+        if "queued_s" in head:
+            self._engine.delivery.arrived(head["queued_s"])
+        self._engine.presence = head.get("presence") or self._engine.presence
+        if head.get("measures"):
+            self._engine.delivery.note_measures(head["measures"], self._engine.received_s)
+            self._engine.measures = head["measures"]
+
+    async def _take_beside(self, head: dict[str, Any]) -> None:
         if head.get("canary"):
             self._engine.canary.arrived(head["canary"])
         if head.get("near_misses"):
@@ -171,8 +192,6 @@ class OperatorCalls:
             await self._keeper.noting.do()  # no advisory waits for the disk
         if head.get("losses"):
             self._add_losses(**head["losses"])
-        self._situations.follow(passes_s)  # last, since it competes with threads that the engine waits for
-        return self._taken()
 
     async def _answers(self, after: bytes) -> bytes:
         """The answers to advice above a number of the stream, and the last number; the second alone if it is -1."""

@@ -5,7 +5,7 @@ import logging
 import socket
 import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from functools import partial
@@ -20,17 +20,18 @@ from deconflict.operator.outlets.outlets import Outlets
 from deconflict.operator.public_face import PublicFace
 from deconflict.operator.store.learned_file import LearnedFile
 from deconflict.operator.store.optional.optional_store import OptionalStore
-from deconflict.operator.store.publisher import PRUNED, Publisher
+from deconflict.operator.store.publisher import PRUNED, STUCK_S, Publisher
 from deconflict.operator.store.store import StoreError
 from deconflict.roles.engine_link.live_situations import LiveSituations
 from deconflict.roles.health.canary_health import CanaryHealth
 from deconflict.roles.operator_calls import OperatorCalls
 from deconflict.roles.operator_sources import EngineReport, OperatorSources
-from deconflict.roles.processes.ports import listen_at
+from deconflict.roles.processes.ports import listen_at, opened
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.runtime.until_either import until_either
 from deconflict.settings.hot_reload import CurrentSite
 from deconflict.settings.site import Site
+from ingest.measures.lasting_loops import lasting
 from ingest.measures.measures import Measures
 from ingest.security.certificates import Certificates
 
@@ -79,12 +80,11 @@ class OperatorRole:
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until `stop` is set. Raises `HangingFaceError`."""
-        self._publisher.loop, listener = asyncio.get_running_loop(), listen_at("operator", self._site.operator)
+        self._publisher.loop = asyncio.get_running_loop()
         self._publisher.loop.set_default_executor(ThreadPoolExecutor(MOST_THREADS, "operator"))
-        self.port = listener.getsockname()[1]
         try:
             async with listening(socket_path(self._runtime, "operator"), self._calls.handlers()):
-                await self._serve(listener, stop)
+                await self._serve(stop)
         finally:
             await self._calls.settled(LAST_WRITES_S)
             await self._situations.settled()
@@ -96,15 +96,12 @@ class OperatorRole:
             aside = self._store.connections.set_aside(datetime.now(UTC))
             log.error("the stored advisories are kept as %s", aside.name)
 
-    async def _serve(self, listener: socket.socket, stop: asyncio.Event) -> None:
-        serving, other_numbers = self._face.serve(listener), self._calls.other_numbers
+    async def _serve(self, stop: asyncio.Event) -> None:
+        serving, other_numbers = asyncio.create_task(self._serve_face()), self._calls.other_numbers
         waiting = asyncio.create_task(until_either(stop.wait(), other_numbers.wait()))
         self._outlets.renew(self._site.webhooks, self._site.mqtt)
-        watching = self.sources.watch_refusals((self._publisher.measures, self._face_measures))
-        loops = (self._prune(), self._refresh(), self._reload(), self._keeper.run(), watching)
-        files = self._attach_store(), self._store_losses(), self.sources.files.run(), self.sources.clock.run()
-        tasks = [asyncio.create_task(loop) for loop in (*loops, *files)]
-        self.ready.set()
+        measures = self._publisher.measures
+        tasks = [asyncio.create_task(lasting(part, loop, measures)) for part, loop in self._loops().items()]
         try:
             await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -115,13 +112,47 @@ class OperatorRole:
             if other_numbers.is_set():
                 self._publisher.end()
             self._face.end()
-            await serving
+            if not self.port:
+                serving.cancel()
+            await asyncio.wait({serving})
+            if not serving.cancelled():
+                serving.result()
+
+    async def _serve_face(self) -> None:
+        """Serve people and programs once the port is open, until `PublicFace.end`."""
+        listener = await opened("operator", self._site.operator, self._listener, self._publisher.measures)
+        self.port = listener.getsockname()[1]
+        serving = self._face.serve(listener)
+        self.ready.set()
+        await serving
+
+    async def _listener(self) -> socket.socket:
+        return listen_at("operator", self._site.operator)
+
+    def _loops(self) -> dict[str, Callable[[], Awaitable[None]]]:
+        """What runs as long as the role, by what it does."""
+        return {
+            "removing what is old": self._prune,
+            "storing what waits, and reading secrets of outlets": self._refresh,
+            "using a changed site file": self._reload,
+            "writing black boxes": self._keeper.run,
+            "watching what is refused": partial(
+                self.sources.watch_refusals, (self._publisher.measures, self._face_measures)
+            ),
+            "using the file of advisories again": self._attach_store,
+            "storing losses": self._store_losses,
+            "watching the files of the data directory": self.sources.files.run,
+            "watching the clock": self.sources.clock.run,
+        }
 
     async def _attach_store(self) -> None:
         """Use the file of advisories as soon as it can be used, and memory if it was removed."""
         while True:
             try:
-                if await asyncio.to_thread(self._store.attach):
+                attaching = asyncio.create_task(asyncio.to_thread(self._store.attach))
+                if not (await asyncio.wait({attaching}, timeout=STUCK_S))[0]:
+                    await self._publisher.leave_stuck()
+                if await attaching:
                     await self._publisher.renew_numbers()
             except (StoreError, sqlite3.Error, OSError) as error:
                 log.warning("the file of advisories is tried again: %s", error)

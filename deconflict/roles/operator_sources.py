@@ -92,7 +92,8 @@ class OperatorSources:
         self._recording = RecordingHealth()
         self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
         self.certificates, self.clock = CertificateHealth(), ClockHealth(data)
-        self._refusals = RefusalHealth(since_start=not site.cluster and not restarts(runtime).get("operator"))
+        is_first = not site.cluster and not restarts(runtime).get("operator")
+        self._refusals = RefusalHealth(since_start=is_first, looked_s=time.monotonic())
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
         robots: list[dict[str, Any]] = await self._ask("robots", uuid.encode())
@@ -191,6 +192,7 @@ class OperatorSources:
             for role, documents in (roles | {"receiver": await self._receiver_measures() or []}).items():
                 if documents:
                     self._refusals.note_measures(role, documents, now_s)
+            self._refusals.looked_s = time.monotonic()
             await asyncio.sleep(REFUSALS_EVERY_S)
 
     async def reload(self) -> dict[str, Any]:

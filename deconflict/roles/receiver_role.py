@@ -6,7 +6,7 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -19,7 +19,7 @@ from deconflict.engine.canary.canary_pair import CanaryPair
 from deconflict.engine.canary.canary_parcel import WITH_CANARY, packed
 from deconflict.operator.live.recent_batches import RecentBatches, is_empty, packed_batch
 from deconflict.roles.engine_link.tick_times import TickTimes
-from deconflict.roles.processes.ports import PortTakenError
+from deconflict.roles.processes.ports import opened
 from deconflict.roles.processes.robot_calls import RobotCalls
 from deconflict.runtime.rpc import listening, socket_path
 from deconflict.settings.fleet_factory import fleet_of, load_compiled_fast_path, load_fast_path
@@ -34,6 +34,7 @@ from ingest.fleet.recovery.log_recovery import recover, summary
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.languages.model import Rejection
+from ingest.measures.lasting_loops import lasting, note_fault
 from ingest.measures.measures import Measures
 from ingest.port.brokers.heard_brokers import HeardBrokers
 from ingest.port.connection import Connection
@@ -123,15 +124,11 @@ class ReceiverRole:
             "brokers": self._broker_documents,
             **self._robot_calls.handlers(),
         }
-        await self._open_port()
         self._dial()
         self._hear_brokers()
-        keeping = self._kept.keep(lambda: self.recorder.files.leaving_before_s, self._now_s)
-        running = self._reload(), self._owners.keep(), keeping, self._canary.run()
-        loops = [asyncio.create_task(loop) for loop in running]
+        loops = [asyncio.create_task(lasting(part, loop, self.measures)) for part, loop in self._loops().items()]
         try:
             async with listening(socket_path(self._runtime, "receiver"), calls):
-                self.ready.set()
                 await stop.wait()
         finally:
             tasks = [*loops, *self._dialers.values(), *self._brokers.tasks]
@@ -143,12 +140,20 @@ class ReceiverRole:
             self._kept.write(self.recorder.files.leaving_before_s, self._now_s())
             self.recorder.close()
 
+    def _loops(self) -> dict[str, Callable[[], Awaitable[None]]]:
+        """What runs as long as the role, by what it does."""
+        return {
+            "using a changed site file": self._reload,
+            "keeping whose robots are": self._owners.keep,
+            "keeping identities": partial(self._kept.keep, lambda: self.recorder.files.leaving_before_s, self._now_s),
+            "making canaries": self._canary.run,
+            "opening the robots' port": self._open_port,
+        }
+
     async def _open_port(self) -> None:
         count_failed_accepts(partial(self.measures.count, "deconflict_connections_refused_total", "no-files"))
-        try:
-            await self.receiver.start()
-        except OSError as error:
-            raise PortTakenError("receiver", self.site.receiver, error) from error
+        await opened("receiver", self.site.receiver, self.receiver.start, self.measures)
+        self.ready.set()
 
     def _deliver(self, raw: bytes, arrival_s: float, connection: Connection) -> str | None:
         rule = self.fleet.receive(raw, arrival_s, connection)
@@ -176,7 +181,12 @@ class ReceiverRole:
         current = CurrentSite(self._runtime, self.site)
         while True:
             if site := current.changed():
-                self._apply(site)
+                before = self.site
+                try:
+                    self._apply(site)
+                except Exception:
+                    self.site = before  # so that the next attempt applies it
+                    raise
             await asyncio.sleep(RELOAD_CHECK_S)
 
     def _apply(self, site: Site) -> None:
@@ -247,7 +257,11 @@ class ReceiverRole:
             threading.Thread(target=load, name="fast path", daemon=True).start()
 
     def _load_fast_path(self, loop: asyncio.AbstractEventLoop) -> None:
-        fast_path = load_fast_path()
+        try:
+            fast_path = load_fast_path()
+        except Exception:  # noqa: BLE001 - it is logged
+            note_fault("loading the fast path", self.measures)
+            return
         with suppress(RuntimeError):  # the role and its loop have ended meanwhile
             if fast_path:
                 loop.call_soon_threadsafe(self.fleet.use, fast_path)

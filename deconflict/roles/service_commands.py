@@ -18,7 +18,7 @@ from deconflict.roles.processes.ports import port_number, refuse_taken
 from deconflict.roles.processes.supervisor import PARTS, PORTS, Supervisor
 from deconflict.roles.service import cluster_problems, runtime_directory
 from deconflict.runtime.command_parsers import LONGEST_S, Commands, add_command, number_in
-from deconflict.runtime.data_lock import create_data_directory, locked
+from deconflict.runtime.data_lock import create_data_directory, locked, said_if_late
 from deconflict.runtime.kernel_preparation import ALL_PACKAGES, compile_kernels, report_on_terminal
 from deconflict.runtime.systemd import Notifier
 from deconflict.settings import site, site_file
@@ -152,13 +152,14 @@ def _serve(args: argparse.Namespace) -> int:
     if problems := cluster_problems(settings.cluster, args.part or ()):
         raise site_file.SiteError(problems)
     data = args.data or Path(settings.store.directory)
+    late, stop = said_if_late(data), threading.Event()
     create_data_directory(data)
-    stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     parts, manager = args.part or tuple(PARTS), Notifier(os.environ)
     with locked(data, parts), runtime_directory() as name:
         refuse_newer(data)
+        late.cancel()
         refuse_taken(settings, [role for part in parts for role in PARTS[part] if role in PORTS])
         supervisor = Supervisor(settings, data, Path(name), lambda: _checked_settings(args), parts, manager)
         signal.signal(signal.SIGHUP, lambda *_: supervisor.reloader.request())
@@ -234,6 +235,7 @@ async def _heard(settings: site.Site, seconds: float) -> list[dict[str, Any]]:
     from deconflict.roles.receiver_role import ReceiverRole  # noqa: PLC0415 - the supervisor needs no role
     from ingest.fleet import fleet_report  # noqa: PLC0415 - the supervisor needs no fleet
 
+    refuse_taken(settings, ["receiver"])
     with runtime_directory() as name:
         role, stop = ReceiverRole(settings, Path(name), Path(name) / "log"), asyncio.Event()
         running = asyncio.create_task(role.run(stop))

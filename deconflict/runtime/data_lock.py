@@ -4,6 +4,7 @@ import fcntl
 import logging
 import os
 import stat
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -32,6 +33,9 @@ MADE_HERE = (
 """What a service makes there. Other files, and a directory that others may use, are left alone."""
 
 log = logging.getLogger(__name__)
+
+
+LATE_S = 10.0
 
 
 class DataDirectoryError(OSError):
@@ -68,6 +72,15 @@ def _restrict(directory: Path) -> None:
             mode = path.lstat().st_mode
             if (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) and mode & OTHERS:
                 path.chmod(stat.S_IMODE(mode) & ~OTHERS)
+
+
+def said_if_late(directory: Path) -> threading.Timer:
+    """Say that a start waits for the disk of a directory if it does so for long. To be cancelled once it goes on."""
+    text = "the disk of %s has not answered for %g s; the service starts once it does; check it, or %s"
+    late = threading.Timer(LATE_S, log.error, (text, directory, LATE_S, ELSEWHERE))
+    late.daemon = True
+    late.start()
+    return late
 
 
 @contextmanager

@@ -78,7 +78,7 @@ class Heartbeat:
         """Call `callback`, on a thread of its own, once the supervisor closes the connection or ends."""
 
         def wait() -> None:
-            with suppress(ConnectionResetError):  # the supervisor ended and left our last bytes unread
+            with suppress(OSError):  # the supervisor ended and left our last bytes unread
                 while os.read(sys.stdin.fileno(), 4096):
                     pass
             callback()

@@ -19,7 +19,7 @@ from deconflict.settings.outlet_settings import outlet_problems, retry_problems
 from deconflict.settings.shared_places import floor_part_problems, place_problems
 from deconflict.settings.site import Site
 from deconflict_client.counted_nouns import count_of
-from ingest.plain_files import MOST_GIVEN_BYTES, read_file
+from ingest.plain_files import MOST_GIVEN_BYTES, decoded, read_file
 from ingest.settings import NIL_DATUM, Datum, Vendor, VendorMap
 from ingest.sizes.site_sizes import size_problems
 
@@ -54,7 +54,7 @@ def load(path: Path) -> Site:
 def site_from_toml(raw: bytes, path: Path) -> Site:
     """The site in the bytes of a TOML file. Raises `SiteError`, which names each wrong key; `path` is for its text."""
     try:
-        document = parsed_toml(raw.decode())
+        document = parsed_toml(decoded(raw))
     except UnicodeDecodeError as error:
         raise SiteError([f"{path} can't be read: {error}"]) from error
     except ValueError as error:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 
 from ingest.languages.front_ends import FRONT_ENDS
+from ingest.measures.lasting_loops import note_fault
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.connection_shares import holder_of
@@ -125,6 +126,8 @@ class FairDelivery:
         try:
             if self._deliver(raw, arrival_s, connection):
                 costs = REJECTED_COSTS
+        except Exception:  # noqa: BLE001 - it is logged
+            note_fault("reading a message", self._measures)
         finally:
             spent_s = costs * (time.thread_time() - began_s)
             self._delivering_s += time.perf_counter() - began_loop_s

@@ -20,6 +20,7 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.protocol import State
 
+from ingest.measures.lasting_loops import lasting
 from ingest.measures.measures import Measures
 from ingest.port.connection import Connection
 from ingest.port.connection_limits import HANDSHAKE_FILES, BoundedConnection, connection_limit, set_options
@@ -130,7 +131,8 @@ class Receiver:
             reuse_port=self._shares_port or None,
             logger=logging.getLogger("websockets.robots"),
         )
-        self._reaper = asyncio.create_task(self._reap())
+        reaping = lasting("closing idle connections, and reading tokens and certificates", self._reap, self._measures)
+        self._reaper = asyncio.create_task(reaping)
         self._measure()
 
     @property

@@ -83,7 +83,7 @@ class LogPacker:
         for segment in segments:
             try:
                 packed += _pack(segment)
-            except (OSError, zstandard.ZstdError) as error:
+            except Exception as error:  # noqa: BLE001 - whatever it is, it is tried again
                 fault = f"{segment.name} is not packed: {with_advice(error, 'free space or repair the disk')}"
             if packed >= MOST_AT_ONCE:
                 break

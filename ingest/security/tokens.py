@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Self
 
-from ingest.plain_files import read_file
+from ingest.plain_files import decoded, read_file
 
 LEAST_LENGTH = 16
 """A shorter token can be guessed."""
@@ -31,7 +31,7 @@ def secret(source: str) -> str:
         value = os.environ[place]
     else:
         try:
-            value = read_file(Path(place), MOST_BYTES).decode()
+            value = decoded(read_file(Path(place), MOST_BYTES))
         except (OSError, UnicodeDecodeError) as error:
             raise SecretError(f"{source}: {type(error).__name__}; expected a readable file with the secret") from error
     value = value.strip()

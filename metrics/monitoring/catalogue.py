@@ -34,9 +34,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {
         "fault",
     ),
     "deconflict_connections": gauge("Open connections of robots and fleet managers."),
-    "deconflict_connections_refused_total": counter(
-        "Connections that the service refused or closed, by reason.", "reason"
-    ),
+    "deconflict_connections_refused_total": counter("Connections that were refused or closed, by reason.", "reason"),
     "deconflict_clock_offset_seconds": gauge(
         "Offset added to the vendor's timestamps to give the service's time. Negative if its clocks are fast.", "vendor"
     ),
@@ -272,6 +270,8 @@ CATALOGUE: dict[str, CatalogueEntry] = {
     "deconflict_recording_packing_failing": gauge(
         "1 while older segments of the recording can't be packed; the log of the receiver says why."
     ),
+    "deconflict_port_failures_total": counter("Failed attempts of a role to open its port.", "section"),
+    "deconflict_faults_total": counter("Errors of the program that ended nothing; the log has each.", "part"),
     "deconflict_owners_failures_total": counter(
         "Failed attempts to read or write the register of robots' owners.", "what"
     ),

@@ -212,6 +212,10 @@ class NatsConnection:
                 log.warning("%s is not connected again yet: %s", self.name, error or type(error).__name__)
                 self._reconnected.set()
                 await asyncio.sleep(RETRY_S)
+            except Exception:
+                log.exception("%s can't be used again, which should be reported; it is tried again", self.name)
+                self._reconnected.set()
+                await asyncio.sleep(RETRY_S)
             else:
                 self.js = self.client.jetstream()
                 self.renewed_s, self._lost_s = time.monotonic(), None

@@ -2,6 +2,7 @@
 
 import asyncio
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Annotated
 from uuid import UUID
 
@@ -16,6 +17,7 @@ from deconflict.operator.http.json_schemas import SCHEMAS
 from deconflict.operator.store.listings import StateFilter
 from deconflict.operator.store.publisher import PRUNED, Publisher
 from deconflict.operator.store.store import Store, StoreError
+from deconflict.operator.store.tables import STUCK
 from deconflict.operator.vendor_health import vendor_health
 from deconflict_client.advisory import (
     ADVICE,
@@ -49,6 +51,8 @@ from ingest.measures.measures import Measures
 MOST_LISTED = 10_000
 """A floor with 10,000 robots may have a few thousand open advisories. A subscriber needs them all to begin with."""
 RENEWAL_SHOWN = timedelta(minutes=10)
+STORE_TIMEOUT_S = 1.0
+"""Health waits for the disk no longer."""
 """A database that was begun anew is reported as degraded for this long."""
 
 
@@ -66,6 +70,8 @@ class ApiRoutes:
     ) -> None:
         self._publisher, self._store, self._sources, self._exposition = publisher, store, sources, exposition
         self._names, self._measures = names, measures
+        self._reading: asyncio.Task[tuple[int, int]] | None = None
+        """The newest question of health to the store."""
 
     def advisories(
         self,
@@ -194,7 +200,8 @@ class ApiRoutes:
         except SourceUnavailableError as error:
             health = {"status": "degraded", "roles": {error.role: "down"}}
         try:
-            stored = {"status": "ok", "seq": self._store.last_seq(), "bytes": self._store.used_bytes()}
+            seq, used_bytes = await self._read_store()
+            stored = {"status": "ok", "seq": seq, "bytes": used_bytes}
             if pruned := self._publisher.measures.values[PRUNED].get(("size",)):
                 stored["pruned_for_size"] = int(pruned)
             if renewal := self._store.connections.renewal:
@@ -215,6 +222,17 @@ class ApiRoutes:
         if stored["status"] != "ok":
             health = health | {"status": "degraded"}
         return json_response(health | {"store": stored}, 200 if health["status"] == "ok" else 503)
+
+    async def _read_store(self) -> tuple[int, int]:
+        """The last number, and the size of the file. Raises `StoreError` also if the disk does not answer soon: one
+        question waits for it, and nothing else does."""
+        if self._reading is None or self._reading.done():
+            ask = partial(lambda store: (store.last_seq(), store.used_bytes()), self._store)
+            self._reading = asyncio.create_task(asyncio.to_thread(ask))
+        await asyncio.wait({self._reading}, timeout=STORE_TIMEOUT_S)
+        if not self._reading.done():
+            raise StoreError(self._store.outage or f"{self._store.path}: {STUCK}")
+        return await self._reading
 
     async def reload(self) -> Response:
         """Read the site file again and apply what has changed; 422 if the file is refused."""

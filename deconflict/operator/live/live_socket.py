@@ -19,6 +19,7 @@ from fastapi import WebSocket
 from deconflict.operator.live.advisory_stream import send_while_read
 from deconflict.operator.live.floor_frames import FloorFrames
 from ingest.batch import Batch
+from ingest.measures.lasting_loops import lasting
 from ingest.measures.measures import Measures
 
 FRAME_S = 0.1
@@ -125,7 +126,8 @@ class LiveSocket:
         self._pages += change
         self._measures.level("deconflict_page_viewers", {(): self._pages})
         if self._pages and not self._tasks:
-            self._tasks = [asyncio.create_task(self._follow_floor()), asyncio.create_task(self._follow_health())]
+            loops = {"following the floor": self._follow_floor, "asking for the health": self._follow_health}
+            self._tasks = [asyncio.create_task(lasting(*item, self._measures)) for item in loops.items()]
         elif not self._pages:
             for task in self._tasks:
                 task.cancel()

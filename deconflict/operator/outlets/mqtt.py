@@ -7,7 +7,7 @@ which the broker sets by itself (last will).
 """
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -44,12 +44,21 @@ class MqttMessage(NamedTuple):
 class MqttOutlet:
     """Keeps a broker's retained messages up to date, and refreshes them after each connect."""
 
-    def __init__(self, settings: Mqtt, cursor: StoreCursor, store: Store) -> None:
+    def __init__(
+        self, settings: Mqtt, cursor: StoreCursor, store: Store, known: Mapping[str, str] | None = None
+    ) -> None:
+        """`known` are the secrets in use, by source."""
         self._settings, self._cursor, self._store = settings, cursor, store
-        self._password = renewed(settings.password) if settings.password else None
+        self._password = (
+            renewed(settings.password, (known or {}).get(settings.password, "")) if settings.password else None
+        )
         """Empty while it has never been read: the broker is not asked then."""
         self._are_others_removed = False
         """Whether the topics of other kinds have been emptied."""
+
+    @property
+    def secrets(self) -> dict[str, str]:
+        return {self._settings.password: self._password} if self._password else {}
 
     def refresh(self) -> None:
         """Read the password again; the next connection uses it."""

@@ -25,6 +25,10 @@ class Outlet(Protocol):
 
     def refresh(self) -> None: ...
 
+    @property
+    def secrets(self) -> dict[str, str]:
+        """Those in use, by source."""
+
 
 class Outlets:
     """Starts and ends outlets as the settings change. An outlet whose settings stay the same keeps running."""
@@ -70,9 +74,10 @@ class Outlets:
 
     def _create(self, name: str, settings: Webhook | Mqtt) -> Outlet:
         cursor = StoreCursor(name, settings.kinds, self._store, self._publisher)
+        known = {source: secret for outlet in self._outlets.values() for source, secret in outlet.secrets.items()}
         if isinstance(settings, Mqtt):
-            return MqttOutlet(settings, cursor, self._store)
-        return WebhookOutlet(settings, cursor)
+            return MqttOutlet(settings, cursor, self._store, known)
+        return WebhookOutlet(settings, cursor, known)
 
     def _end(self, name: str) -> None:
         task = self._tasks.pop(name)

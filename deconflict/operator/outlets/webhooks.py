@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 
 import httpx
@@ -19,12 +20,17 @@ MOST_ANSWER_BYTES = 1 << 16
 class WebhookOutlet:
     """One webhook. The next revision waits until the receiver has accepted this one."""
 
-    def __init__(self, settings: Webhook, cursor: StoreCursor) -> None:
+    def __init__(self, settings: Webhook, cursor: StoreCursor, known: Mapping[str, str] | None = None) -> None:
+        """`known` are the secrets in use, by source."""
         self._settings, self._cursor = settings, cursor
-        self._secret = renewed(settings.secret)
+        self._secret = renewed(settings.secret, (known or {}).get(settings.secret, ""))
         """Empty while it has never been read: nothing is sent then."""
         self._is_to_connect_anew = False
         """Whether a connection has failed since the client was made."""
+
+    @property
+    def secrets(self) -> dict[str, str]:
+        return {self._settings.secret: self._secret}
 
     def refresh(self) -> None:
         """Read the secret again."""

@@ -2,10 +2,11 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from deconflict_client.advisory import AdvisoryState
+from deconflict_client.advisory import AdvisoryState, ConflictAdvisory
 from deconflict_client.situations import AnyRevision, Revision
+from ingest.batch import Pair
 
 MOST_PENDING = 20_000
 """If this many revisions wait in memory for the disk, some 40 MB, more are refused, and the engine sends them again."""
@@ -33,6 +34,17 @@ def by_revision(pending: Iterable[Revision]) -> dict[tuple[str, int], Revision]:
 def decided_between(pending: Iterable[Revision], since_s: float, until_s: float) -> list[Revision]:
     """The revisions decided between two times, both included."""
     return [revision for revision in pending if since_s <= revision.updated_at.timestamp() <= until_s]
+
+
+def with_encounters(
+    numbers: Mapping[Pair, int], pending: Iterable[Revision], after: Pair, last: Pair | None
+) -> dict[Pair, int]:
+    """The last numbers of the encounters of pairs beyond `after` and up to `last`, also of those that wait."""
+    found = dict(numbers)
+    for revision in pending:
+        if isinstance(revision, ConflictAdvisory) and after < revision.robots and (not last or revision.robots <= last):
+            found[revision.robots] = max(revision.encounter, found.get(revision.robots, 0))
+    return found
 
 
 def open_at_time(stored: Iterable[Revision], pending: Iterable[Revision], now_s: float) -> list[Revision]:

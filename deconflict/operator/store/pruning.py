@@ -13,6 +13,7 @@ from sys import maxsize
 from threading import Lock
 from typing import NamedTuple
 
+from deconflict.advisories.encounter_numbers import FORGOTTEN, MOST_PAIRS
 from deconflict.operator.store import tables
 from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict_client.advisory import EVERY_KIND
@@ -20,6 +21,8 @@ from ingest.recording.clock_notes import DAY_S, LATEST_S
 
 STEP = 200
 """So many advisories are removed in one transaction: no revision can be stored meanwhile."""
+PAIRS_AT_ONCE = 2_000
+"""The same of pairs that are forgotten."""
 ROOM = 0.01
 """A file that is too large gets this share of its size free, so that revisions are rarely counted by vendors."""
 HELD = f"""EXISTS (SELECT 1 FROM json_each(?) AS outlet
@@ -97,6 +100,34 @@ def remove_of_most(
             return len(removed)
         del revisions[vendors]
     return 0
+
+
+def forget_surplus_pairs(connections: SqliteConnections) -> None:
+    """Forget pairs beyond `MOST_PAIRS`, those with the lowest numbers: so the numbers of others grow least by it."""
+    with connections.long_reading() as db:
+        (pairs,) = db.execute("SELECT count(*) FROM encounters WHERE robot_a <> ?", FORGOTTEN[:1]).fetchone()
+        if (surplus := pairs - MOST_PAIRS) <= 0:
+            return
+        numbers = db.execute(
+            "SELECT ordinal FROM encounters WHERE robot_a <> ? ORDER BY ordinal LIMIT 1 OFFSET ?",
+            (FORGOTTEN[0], surplus - 1),
+        )
+        (highest,) = numbers.fetchone()
+    while surplus > 0:
+        with connections.writing() as db:
+            surplus -= _forget_pairs(db, min(surplus, PAIRS_AT_ONCE), highest) or surplus
+
+
+def _forget_pairs(db: sqlite3.Connection, most: int, highest: int) -> int:
+    """Forget up to `most` pairs whose number is `highest` at most; returns how many."""
+    rows = db.execute(
+        "SELECT robot_a, robot_b, ordinal FROM encounters WHERE ordinal <= ? AND robot_a <> ? LIMIT ?",
+        (highest, FORGOTTEN[0], most),
+    ).fetchall()
+    if rows:
+        db.executemany("DELETE FROM encounters WHERE robot_a = ? AND robot_b = ?", (row[:2] for row in rows))
+        tables.note_encounter(db, FORGOTTEN, max(number for *_, number in rows))
+    return len(rows)
 
 
 def used_bytes(db: sqlite3.Connection) -> int:

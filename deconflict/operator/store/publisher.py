@@ -9,9 +9,10 @@ import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence, Set
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from threading import Lock
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from deconflict.operator.store.store import Store, StoreError
 from deconflict.runtime.set_asides import SetAsides
@@ -22,9 +23,15 @@ from ingest.measures.measures import Measures
 log = logging.getLogger(__name__)
 
 DISK_TIMEOUT_S = 0.5
+STUCK_S = 4.0
+"""If the store answers no question about a new revision for so long, memory takes the place of its file."""
+LOOKS = 8
 PRUNED = "deconflict_advisories_pruned_total"
 TAIL_LENGTH = 1024
 MOST_LINES = 100
+
+
+Answer = TypeVar("Answer")
 
 
 class PublishedLine(NamedTuple):
@@ -105,7 +112,7 @@ class Publisher:
         """
         async with self._appending:
             try:
-                accepted = await asyncio.to_thread(self._store.accept, advisories)
+                accepted = await self._answered(partial(self._store.accept, advisories))
             except Exception:
                 self.measures.count("deconflict_store_failures_total")
                 raise
@@ -156,10 +163,35 @@ class Publisher:
     async def renew_numbers(self) -> None:
         """The store has begun to use another database: perhaps with other numbers."""
         async with self._appending:
-            with self._tail_lock:
-                self._tail.clear()
-            self.last_seq = await asyncio.to_thread(self._store.last_seq)
+            await self._begin_anew()
+
+    async def _begin_anew(self) -> None:
+        with self._tail_lock:
+            self._tail.clear()
+        self.last_seq = await asyncio.to_thread(self._store.last_seq)
         self._news.announce()
+
+    async def _answered(self, question: Callable[[], Answer]) -> Answer:
+        """The answer of the store: from memory, if its disk does not answer within `STUCK_S`."""
+        asking = asyncio.create_task(asyncio.to_thread(question))
+        for _ in range(LOOKS):  # time in which the whole process was stopped counts as one of them
+            await asyncio.wait({asking}, timeout=STUCK_S / LOOKS)
+        if asking.done() or not await self._has_left():
+            return await asking
+        asking.add_done_callback(lambda left: left.cancelled() or left.exception())  # nobody else asks for it
+        return await asyncio.to_thread(question)
+
+    async def leave_stuck(self) -> None:
+        """Go on without a file whose disk does not answer."""
+        async with self._appending:
+            await self._has_left()
+
+    async def _has_left(self) -> bool:
+        is_left = self._store.leave_stuck()
+        if is_left:
+            self._storing = None
+            await self._begin_anew()
+        return is_left
 
     async def close(self) -> None:
         """Store the rest. Logs how many revisions the disk did not take."""
@@ -210,7 +242,7 @@ class Publisher:
         """Store an answer and publish it. `seq` is its number if the followed stream gave one."""
         async with self._appending:
             await self.store_pending()
-            answered = await asyncio.to_thread(self._store.accept_answer, advisory_id, answer, seq)
+            answered = await self._answered(partial(self._store.accept_answer, advisory_id, answer, seq))
             await self.store_pending()
             if answered and answered.seq > self.last_seq:
                 self._announce([answered])

@@ -27,11 +27,12 @@ from deconflict.operator.store.pending_writes import (
     decided_between,
     newest_by_id,
     open_at_time,
+    with_encounters,
 )
 from deconflict.operator.store.sqlite_connections import SqliteConnections
 from deconflict.operator.store.tables import StoreError as StoreError  # noqa: PLC0414 - callers import it from here
 from deconflict.operator.store.unstored_answers import UnstoredAnswers
-from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, ConflictAdvisory, Location
+from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement, AdvisoryState, Location
 from deconflict_client.situations import AnyRevision, Listing
 from ingest.batch import Pair
 
@@ -79,7 +80,8 @@ class Store:
         returned as it was. One that can't be written is left out, and is in `unwritable`. Raises `StoreError`, also if
         too many wait for the disk already: so any number is accepted once the disk works.
         """
-        with self._number_lock:
+        lock = self._number_lock
+        with lock:
             self._refuse_too_many()
             pending, accepted, known_pending = list(self._pending), [], by_revision(self._pending)
             unwritable: list[tuple[AnyRevision, Exception]] = []
@@ -98,9 +100,18 @@ class Store:
                         pending.append(known)
                         known_pending[known.id, known.revision] = known
                     accepted.append(known)
+            self._refuse_if_left(lock)
             self._pending = pending
             self.unwritable += unwritable
         return accepted
+
+    def leave_stuck(self) -> bool:
+        """Go on without a file whose disk answers nothing, if that is possible. Waits for no disk."""
+        return False
+
+    def _refuse_if_left(self, lock: object) -> None:
+        if lock is not self._number_lock:
+            raise StoreError(f"{self.path}: its disk did not answer, and memory has taken its place")
 
     def _refuse_too_many(self) -> None:
         if len(self._pending) >= MOST_PENDING:
@@ -136,9 +147,8 @@ class Store:
     def append(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         """Store revisions in one transaction and return them as stored, each with its sequence number.
 
-        A revision that has a number keeps it: it comes from a stream that this store follows. A revision that is
-        stored already (same advisory id and revision) is returned as it was first stored, with its first number. So a
-        sender that does not know whether it succeeded may send again.
+        A revision that has a number keeps it: it comes from a stream that this store follows. One that is stored
+        already (same advisory id and revision) is returned as it was first stored. So a sender may send again.
         """
         stored = []
         with self._number_lock:
@@ -167,13 +177,15 @@ class Store:
         `seq` is the number if the stream that this store follows gave one; an answer with a number that is stored
         already is not stored twice. Every later revision has the answer too. Raises `StoreError`, as `accept` does.
         """
-        with self._number_lock, self.connections.numbering() as db:
+        lock = self._number_lock
+        with lock, self.connections.numbering() as db:
             self._refuse_too_many()
             last = _last(db, self._pending)
             newest = newest_by_id(self._pending).get(advisory_id) or tables.newest(db, advisory_id)
             if newest is None or (seq is not None and seq <= last):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
+            self._refuse_if_left(lock)
             self._answers.unstored[answered.seq] = answered
             self._pending = [*self._pending, answered]
         return answered
@@ -234,9 +246,7 @@ class Store:
 
     def pending_until(self, until_s: float) -> list[AnyRevision]:
         """The revisions that were decided by then and wait for the disk, ascending."""
-        with self._number_lock:
-            pending = self._pending
-        return [revision for revision in pending if revision.updated_at.timestamp() <= until_s]
+        return [revision for revision in self._pending if revision.updated_at.timestamp() <= until_s]
 
     def raised_between(self, since_s: float, until_s: float) -> Counter[Location]:
         """How many advisories were raised at each place between two times."""
@@ -288,20 +298,18 @@ class Store:
         return burdens_s
 
     def encounters_after(self, pair: Pair, limit: int) -> list[tuple[Pair, int]]:
-        """The highest encounter number of up to `limit` pairs of robots that follow `pair`, ascending, also of what was
-        removed."""
+        """The last numbers of encounters of up to `limit` pairs that follow `pair`, ascending, perhaps `FORGOTTEN`."""
         with self._file_and_pending() as (db, pending):
-            ordinals = dict(tables.encounters_after(db, pair, limit))
-            is_last = len(ordinals) < limit
-        end = max(ordinals, default=pair)
-        conflicts = (each for each in pending if isinstance(each, ConflictAdvisory) and pair < each.robots)
-        for revision in conflicts:
-            if is_last or revision.robots <= end:
-                ordinals[revision.robots] = max(revision.encounter, ordinals.get(revision.robots, 0))
-        return sorted(ordinals.items())
+            numbers = dict(tables.encounters_after(db, pair, limit))
+        last = max(numbers) if len(numbers) == limit else None
+        return sorted(with_encounters(numbers, pending, pair, last).items())
 
     def prune(self, before: datetime, latest_s: float = float("inf")) -> int:
-        """Remove cleared advisories that are old (`pruning.last_old`), with every revision; returns how many."""
+        """Remove cleared advisories that are old (`pruning.last_old`) with every revision, and pairs that are too many.
+
+        Returns how many advisories.
+        """
+        pruning.forget_surplus_pairs(self.connections)
         with self.connections.long_reading() as db:
             last = pruning.last_old(db, before.timestamp(), latest_s)
         return self._prune(lambda db: pruning.remove_old(db, before.timestamp(), latest_s, last))

@@ -30,6 +30,9 @@ class StoreError(Exception):
     """The advisories can't be read or written; the message says what to do."""
 
 
+STUCK = "its disk does not answer; check it"
+
+
 class UnreadableAdvisoryError(StoreError):
     """One stored advisory can't be read."""
 
@@ -215,6 +218,15 @@ def write_answer(db: sqlite3.Connection, answered: AnyRevision) -> None:
     insert(db, answered, answers_of(db, answered.id)[0], answer.at)
 
 
+def write_open(db: sqlite3.Connection, revision: AnyRevision) -> None:
+    """Write the newest revision of what is open, with its answer, and without what came before it."""
+    answer = revision.acknowledgement
+    insert(db, revision, int(answer is not None), revision.updated_at)
+    if answer:
+        newest = answer.model_dump_json()
+        db.execute("UPDATE advisories SET answers = 1, acknowledgement = ? WHERE id = ?", (newest, revision.id))
+
+
 def write_one(db: sqlite3.Connection, revision: AnyRevision, answered: Container[int]) -> Exception | None:
     """Write a numbered revision, or an answer. If it can't be written, returns why, and only its number is used up."""
     failed: Exception | None = None
@@ -252,11 +264,16 @@ def insert(db: sqlite3.Connection, advisory: AnyRevision, answers: int, at: date
     parties = zip(advisory.robots, advisory.vendors, strict=True)
     db.executemany("INSERT OR IGNORE INTO parties VALUES (?, ?, ?)", [(advisory.id, *party) for party in parties])
     if isinstance(advisory, ConflictAdvisory):
-        db.execute(
-            """INSERT INTO encounters VALUES (?, ?, ?)
-            ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
-            (*advisory.robots, advisory.encounter),
-        )
+        note_encounter(db, advisory.robots, advisory.encounter)
+
+
+def note_encounter(db: sqlite3.Connection, pair: Pair, number: int) -> None:
+    """A pair has had an encounter with this number."""
+    db.execute(
+        """INSERT INTO encounters VALUES (?, ?, ?)
+        ON CONFLICT (robot_a, robot_b) DO UPDATE SET ordinal = excluded.ordinal WHERE excluded.ordinal > ordinal""",
+        (*pair, number),
+    )
 
 
 def note_removed(db: sqlite3.Connection, numbers: Iterable[tuple[str, int]]) -> None:

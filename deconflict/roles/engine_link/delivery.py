@@ -49,6 +49,10 @@ class UndeliveredError(Exception):
         )
 
 
+class DeliveryFaultError(Exception):
+    """Nothing is delivered any more, after a fault of the program."""
+
+
 class WaitingParcel(NamedTuple):
     """Revisions that the operator face has not taken yet, and the messages that they reflect."""
 
@@ -80,6 +84,8 @@ class Delivery:
         self._answers_seq, self._answers_s, self._asks = -1, 0.0, False
         """The last number of the stream that was read for answers, when that was, and whether there may be any."""
         self._thread = threading.Thread(target=self._deliver, name="delivery")
+        self._fault: Exception | None = None
+        """What has ended the thread before its time."""
         self._stopping = threading.Event()
         self._sending_since_s: float | None = None
         """Since when the first parcel is being sent, monotonic time; None if none waits."""
@@ -98,7 +104,10 @@ class Delivery:
         self._operator.close()
 
     def has_room(self) -> bool:
-        """Whether another pass may be added. Raises `UndeliveredError` if nothing is taken any more."""
+        """Whether another pass may be added. Raises `UndeliveredError` if nothing is taken any more, and
+        `DeliveryFaultError` if nothing is sent."""
+        if self._fault:
+            raise DeliveryFaultError("the engine starts again and delivers what is open") from self._fault
         if self._added_bytes - self._delivered_bytes <= MOST_WAITING_BYTES:
             return True
         since_s = self._sending_since_s
@@ -175,6 +184,12 @@ class Delivery:
         self._waiting.put(parcel)
 
     def _deliver(self) -> None:
+        try:
+            self._deliver_all()
+        except Exception as error:  # noqa: BLE001 - the engine ends with it
+            self._fault = error
+
+    def _deliver_all(self) -> None:
         while (parcel := self._waiting.get()) is not None:
             if parcel.payload and not self._is_taken(parcel.payload):
                 waiting_mb = (self._added_bytes - self._delivered_bytes) / 1e6

@@ -21,6 +21,10 @@ REPEATED = 3
 """One attempt that failed is no fault: it is made again."""
 INSISTENT = 20
 """Senders that are refused so often try again and again, and nobody hears them."""
+SILENT_S = 10.0
+"""If no look at the counters succeeds for so long, that is said."""
+LOOK = "report the errors in the log of the operator face"
+TAKEN = "stop the program that listens there (ss -ltnp shows it); the log of the role names the address"
 WHO = "the log of the receiver says who, and why"
 
 
@@ -145,6 +149,13 @@ RULES: dict[str, Shown | Mapping[str, Shown | None]] = {
         ),
         "age": None,
     },
+    "deconflict_port_failures_total": {
+        "receiver": Shown("attempts to open the robots' port failed", TAKEN, 1),
+        "operator": Shown("attempts to open the operators' port failed", TAKEN, 1),
+    },
+    "deconflict_faults_total": Shown(
+        "faults of the program were met, and the service goes on", "report the errors in the log of the role", 1
+    ),
     "deconflict_owners_failures_total": Shown("attempts to read or write owners.json failed", _AGAIN, 1),
     "deconflict_kept_messages_failures_total": Shown("attempts to read or write robots.db failed", _AGAIN, 1),
     "deconflict_learning_failures_total": Shown("attempts to read or write learned.npz failed", _AGAIN, 1),
@@ -178,9 +189,11 @@ class Rises(NamedTuple):
 class RefusalHealth:
     """All times are monotonic. For one thread, but `document` may be called from any."""
 
-    def __init__(self, *, since_start: bool) -> None:
+    def __init__(self, *, since_start: bool, looked_s: float = inf) -> None:
         """`since_start`: the counters of all roles began with this object, so all that they have is new."""
         self._since_start = since_start
+        self.looked_s = looked_s
+        """When the counters of all roles were last looked at."""
         self._known: dict[str, dict[Series, float]] = {}
         """By role, the last values."""
         self._rises: dict[Series, deque[Rises]] = defaultdict(deque)
@@ -201,7 +214,8 @@ class RefusalHealth:
 
     def document(self, now_s: float) -> dict[str, Any]:
         """The part `refused_or_lost` of the health."""
-        reasons: list[str] = []
+        silent_s = now_s - self.looked_s
+        reasons = [f"nobody has looked for {silent_s:.0f} s: {LOOK}"] if silent_s > SILENT_S else []
         notes: list[str] = []
         for rule, rises in _by_rule(self._sums).items():
             is_fault = sum(each.by for each in rises.values()) >= rule.degraded_from

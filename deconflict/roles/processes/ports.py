@@ -1,19 +1,27 @@
 """The network ports of the service: refused before it starts if it can't listen on them."""
 
+import asyncio
+import logging
 import os
 import socket
-from collections.abc import Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from contextlib import ExitStack
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from deconflict.runtime.command_parsers import whole_in
 from deconflict.settings.site import Site
+from ingest.measures.measures import Measures
 
 LAST_PORT = 65535
 port_number = whole_in(0, LAST_PORT)
 """The type of an argument that is a port; 0 is any free one."""
 OPTIONS = {"receiver": "--robots-port", "operator": "--operator-port"}
 """By section of the site, the option of `serve` that sets its port."""
+FAILURES = "deconflict_port_failures_total"
+RETRY_S = 1.0
+Opened = TypeVar("Opened")
+
+log = logging.getLogger(__name__)
 
 
 class Address(Protocol):
@@ -46,6 +54,33 @@ def listen_at(section: str, address: Address) -> socket.socket:
         return socket.create_server((address.host, address.port), family=family)
     except OSError as error:
         raise PortTakenError(section, address, error) from error
+
+
+async def opened(
+    section: str, address: Address, open_port: Callable[[], Awaitable[Opened]], measures: Measures
+) -> Opened:
+    """What `open_port` returns, once it can listen: a role that starts again goes on without its port meanwhile."""
+    failed = False
+    while True:
+        try:
+            result = await open_port()
+        except OSError as error:
+            measures.count(FAILURES, section)
+            if not failed:
+                log.error(
+                    "%s; it is tried each second, and all that needs no port goes on",
+                    _explained(section, address, error),
+                )
+            failed = True
+            await asyncio.sleep(RETRY_S)
+        else:
+            if failed:
+                log.warning("listening on %s:%s again", address.host, address.port)
+            return result
+
+
+def _explained(section: str, address: Address, error: OSError) -> OSError:
+    return error if isinstance(error, PortTakenError) else PortTakenError(section, address, error)
 
 
 def refuse_taken(site: Site, sections: Iterable[str]) -> None:

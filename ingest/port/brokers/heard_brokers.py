@@ -12,6 +12,7 @@ from typing import Any
 
 from aiomqtt import Message
 
+from ingest.measures.lasting_loops import lasting
 from ingest.measures.measures import Measures
 from ingest.port.brokers.broker_source import BrokerSource
 from ingest.port.brokers.mqtt_source import MqttSource
@@ -88,7 +89,7 @@ class HeardBrokers:
     def _scan(self, settings: MqttSource) -> tuple[TopicScan, asyncio.Task[None]]:
         known = self._scans.get(settings)
         scan = TopicScan(settings, self._configured, known[0].found if known else ())
-        return scan, asyncio.create_task(scan.run())
+        return scan, asyncio.create_task(lasting("looking for topics that are not heard", scan.run, self._measures))
 
     async def hear(self, payload: bytes) -> bytes:
         """Take messages that come without a broker. Each is the name of its source, topic, text, and if retained."""

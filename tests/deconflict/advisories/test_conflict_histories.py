@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -17,8 +18,11 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from deconflict.advisories import encounter_numbers
 from deconflict.advisories.conflict_lifecycle import ConflictLifecycle
+from deconflict.advisories.encounter_numbers import EncounterNumbers
 from deconflict.foresight.conflict_predictions import Prediction
+from deconflict.operator.store import pruning
 from deconflict.operator.store.store import Store
 from deconflict.settings.site import Conflict
 from deconflict_client.advisory import Acknowledgement, AdvisoryState, AnyAdvisory
@@ -103,7 +107,9 @@ class Histories(RuleBasedStateMachine):
         """What runs goes on from what is stored, as a new engine does."""
         self.store.close()
         self.store = Store(Path(self.folder.name))
-        self.lifecycle = ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, dict(self.store.encounters_after(("", ""), 100)))
+        pruning.forget_surplus_pairs(self.store.connections)
+        numbers = EncounterNumbers(dict(self.store.encounters_after(("", ""), 100)))
+        self.lifecycle = ConflictLifecycle(SETTINGS, ABSENT_AFTER_S, numbers)
         self.lifecycle.restore(
             advisory for advisory in self.store.latest("open").advisories if advisory.kind == "conflict"
         )
@@ -156,6 +162,12 @@ class Histories(RuleBasedStateMachine):
             self.folder.cleanup()
 
 
-def test_in_any_history_each_encounter_has_one_complete_advisory_with_its_acknowledgement() -> None:
+@pytest.mark.parametrize("most_pairs", [100, 2])
+def test_in_any_history_each_encounter_has_one_complete_advisory_with_its_acknowledgement(
+    most_pairs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if the numbers of few pairs are known."""
+    for module in (encounter_numbers, pruning):
+        monkeypatch.setattr(module, "MOST_PAIRS", most_pairs)
     effort = settings(max_examples=30, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck))
     run_state_machine_as_test(Histories, settings=effort)

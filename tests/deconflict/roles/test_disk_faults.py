@@ -5,7 +5,7 @@ import sqlite3
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,10 @@ from deconflict_client.advisory import Acknowledgement, AnyAdvisory
 from ingest.measures.measures import Measures
 from ingest.recording import log_packing, log_rotation
 from ingest.recording.log_reader import LogReader, Tick
+from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.store.made_damage import damage, page
-from tests.deconflict.roles.made_disks import disk_of, fill, mount
-from tests.deconflict.roles.made_service import CROSSING, Course, Running, drive, running
+from tests.deconflict.roles.made_disks import disk_of, disk_that_can_stick, fill, mount, stuck
+from tests.deconflict.roles.made_service import CROSSING, Course, Running, Served, drive, healthy, running
 from tests.helpers.made_advisories import ROBOTS, START, cleared, deadlock, made
 from tests.helpers.patience import PATIENCE_S
 from tests.ingest.recording.made_logs import NOW_S, recorder
@@ -332,3 +333,14 @@ async def test_a_service_whose_database_is_damaged_continues_its_advisories_and_
     assert (health.status_code, health.json()["store"]["status"]) == (503, "begun anew")
     assert (tmp_path / health.json()["store"]["set_aside"]).exists()
     assert health.json()["store"]["copied"] >= before["revision"]
+
+
+async def test_a_start_that_waits_for_a_stuck_disk_says_so(tmp_path: Path) -> None:
+    log = tmp_path / "log.txt"
+    with disk_that_can_stick(tmp_path) as disk, ExitStack() as at_end:
+        served = Served(disk / "data", log=log)
+        (disk / "data").mkdir()
+        with stuck(disk):
+            at_end.enter_context(served.running())
+            await until(lambda: f"the disk of {disk / 'data'} has not answered for 10 s" in log.read_text())
+        await served.until("/healthz", healthy)

@@ -7,11 +7,10 @@ import sqlite3
 import threading
 import time
 import tracemalloc
-from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import asynccontextmanager, closing
+from collections.abc import Iterator, Sequence
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pydantic_core import to_json
@@ -25,26 +24,24 @@ from deconflict.operator.ledger.loss_ledger import LossLedger
 from deconflict.operator.store.learned_file import FILE_NAME as LEARNED
 from deconflict.operator.store.publisher import PRUNED, TAIL_LENGTH
 from deconflict.operator.store.store import Store
-from deconflict.roles.operator_role import OperatorRole
-from deconflict.roles.service import runtime_directory
 from deconflict.runtime.learned_state import packed
-from deconflict.runtime.parcels import STORED, packed_parcel
+from deconflict.runtime.parcels import STORED, packed_parcel, unpacked_parcel
 from deconflict.runtime.rpc import AsyncCaller
 from deconflict.settings.hot_reload import SITE_FILE
 from deconflict.settings.outlet_settings import Webhook
 from deconflict.settings.shared_places import NamedArea
-from deconflict.settings.site import BlackBox, LossSettings, Operator, Person, Site, StoreSettings
+from deconflict.settings.site import BlackBox, LossSettings, Operator, Person, Site
 from deconflict_client.advisory import AdvisoryState, AnyAdvisory, ClearedCode
 from deconflict_client.situations import Situation, situations_of
 from ingest.recording import replaced_file
 from ingest.recording.clock_notes import DAY_S
 from ingest.settings import Datum, Tls
-from metrics.monitoring.exposition import render
 from tests.deconflict.advisories.situations.made_situations import NOW_S, conflict
 from tests.deconflict.operator.http.served_face import until
 from tests.deconflict.operator.ledger.made_entries import QUEUED
 from tests.deconflict.operator.outlets.made_outlets import SECRET, heard, hearing
 from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
+from tests.deconflict.roles.made_face import serving
 from tests.helpers.made_advisories import cleared, made
 from tests.helpers.made_clock import put_notes
 from tests.helpers.patience import PATIENCE_S
@@ -67,25 +64,6 @@ def traced() -> Iterator[None]:
 def kept_bytes() -> int:
     gc.collect()
     return tracemalloc.get_traced_memory()[0]
-
-
-@asynccontextmanager
-async def serving(
-    data: Path, advisories_bytes: int = 1 << 30, **sections: Any
-) -> AsyncIterator[tuple[OperatorRole, AsyncCaller]]:
-    """A role that runs, and the engine's end of its link."""
-    with runtime_directory() as runtime:
-        stop = asyncio.Event()
-        store = StoreSettings(advisories_bytes=advisories_bytes)
-        site = Site(**({"operator": Operator(port=0), "store": store} | sections))
-        role = OperatorRole(site, Path(runtime), data, render)
-        running = asyncio.create_task(role.run(stop))
-        await role.ready.wait()
-        try:
-            yield role, AsyncCaller(Path(runtime), "operator")
-        finally:
-            stop.set()
-            await running
 
 
 async def test_the_memory_of_the_operator_face_stops_growing(tmp_path: Path, traced: None) -> None:
@@ -214,6 +192,48 @@ async def test_a_stuck_disk_holds_up_no_advisory_beside_a_near_miss_nor_what_is_
                 listed = (await client.get(f"http://127.0.0.1:{role.port}/advisories")).json()
         assert len(listed["advisories"]) == 11
         assert len(json.loads((disk / "data" / "blackbox" / PENDING).read_text())) == 11
+
+
+async def test_advisories_go_out_from_memory_while_the_store_waits_for_a_disk_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a network drive that hangs: whoever asks the file for anything waits, and so do people."""
+    monkeypatch.setattr("deconflict.operator.store.publisher.STUCK_S", 0.3)
+    async with serving(tmp_path) as (role, engine), http_client(f"http://127.0.0.1:{role.port}") as client:
+        assert await engine.call("publish", packed_parcel({}, [to_json(made(1)), to_json(made(2))])) == STORED
+        connections = role._store.connections
+        with connections.writing(), connections.numbering(), connections.reading(), connections.long_reading():
+            asked = [asyncio.create_task(client.get("/advisories")) for _ in range(20)]
+            began_s = time.monotonic()
+            assert await engine.call("publish", packed_parcel({}, [to_json(cleared(1)), to_json(made(3))])) == STORED
+            assert time.monotonic() - began_s < 3.0
+            listed = (await client.get("/advisories")).json()["advisories"]
+            assert [each["id"] for each in listed] == ["advisory-3", "advisory-2"]
+            store = (await client.get("/healthz")).json()["store"]
+            assert store["status"] == "in memory"
+            assert "does not answer" in store["reason"]
+        await asyncio.gather(*asked)
+        await until(lambda: role._store.outage is None)
+        listed = (await client.get("/advisories")).json()["advisories"]
+        assert [each["id"] for each in listed] == ["advisory-3", "advisory-2"]
+
+
+async def test_health_answers_and_an_engine_starts_while_the_disk_of_the_store_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if nothing is published."""
+    monkeypatch.setattr("deconflict.roles.operator_role.STUCK_S", 2.5)
+    async with serving(tmp_path) as (role, engine), http_client(f"http://127.0.0.1:{role.port}") as client:
+        assert await engine.call("publish", packed_parcel({}, [to_json(made(1))])) == STORED
+        connections = role._store.connections
+        with connections.writing(), connections.numbering(), connections.reading(), connections.long_reading():
+            first, second = await asyncio.gather(client.get("/healthz"), client.get("/healthz"))
+            assert "does not answer" in first.json()["store"]["reason"]
+            assert "does not answer" in second.json()["store"]["reason"]
+            await until(lambda: role._store.outage)
+            _, lines = unpacked_parcel(await engine.call("restore", b"0"))
+            assert [json.loads(line)["id"] for line in lines] == ["advisory-1"]
+        await until(lambda: role._store.outage is None)
 
 
 def test_what_waits_for_a_slow_disk_is_written_before_the_role_ends(

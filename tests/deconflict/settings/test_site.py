@@ -20,6 +20,23 @@ def test_a_valid_file_is_read_as_written(tmp_path: Path) -> None:
     assert fit_problems(site) == []
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_file_of_an_editor_of_windows_is_read(encoding: str, end: str, tmp_path: Path) -> None:
+    text = written(sound() | {"name": "Größe ✓"}, tmp_path).read_text(encoding="utf-8")
+    (tmp_path / "other.toml").write_bytes(text.replace("\n", end).encode(encoding))
+    assert load(tmp_path / "other.toml") == load(tmp_path / "site.toml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "latin-1", "cp1252"])
+def test_a_file_of_another_encoding_is_refused_with_what_to_do(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_bytes('name = "Größe"\n'.encode(encoding))
+    with pytest.raises(SiteError) as refused:
+        load(tmp_path / "site.toml")
+    (problem,) = refused.value.problems
+    assert problem.endswith("; save it as UTF-8")
+
+
 def test_datum_ids_are_compared_without_case(tmp_path: Path) -> None:
     document = put(sound(), "datums.0.id", HALL.upper())
     document = put(document, "vendors.1.maps.0.site_datum", HALL.title())

@@ -132,3 +132,9 @@ def test_an_earlier_token_that_stays_in_use_is_given_to_no_other(
     (tmp_path / "alder").write_text("alder-changed-0123456789")
     tokens.refresh()
     assert [tokens.owner(f"Bearer {token}") for token in (ALDER, corvid)] == ["Corvid", None]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_secret_of_an_editor_of_windows_is_read(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "secret").write_bytes("a secret of more than enough\r\n".encode(encoding))
+    assert secret(f"file:{tmp_path / 'secret'}") == "a secret of more than enough"

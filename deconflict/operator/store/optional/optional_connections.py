@@ -7,21 +7,46 @@ import logging
 import sqlite3
 import time
 from collections.abc import Callable, Container, Sequence
+from concurrent.futures import Future
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from functools import partial
 from pathlib import Path
-from threading import Lock
+from threading import Lock, Thread
+from typing import TypeVar
 
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import SqliteConnections, StoreConnections, begun
-from deconflict.operator.store.tables import StoreError, last_seq
+from deconflict.operator.store.tables import STUCK, StoreError, last_seq
 from deconflict_client.situations import AnyRevision
 
 log = logging.getLogger(__name__)
 
 OPEN_TIMEOUT_S = 1.0
 """How long a file is waited for that another program keeps locked."""
+OPEN_STUCK_S = 5.0
+"""A disk that answers nothing at the start for so long is not waited for."""
+
+Answer = TypeVar("Answer")
+
+
+def within(limit_s: float, ask: Callable[[], Answer], drop: Callable[[Answer], object] = lambda _: None) -> Answer:
+    """The answer of the disk. Raises `StoreError` if it takes longer; `drop` gets an answer that comes later."""
+    asking = Future[Answer]()
+
+    def run() -> None:
+        try:
+            asking.set_result(ask())
+        except BaseException as error:  # noqa: BLE001 - who asked gets it
+            asking.set_exception(error)
+
+    Thread(target=run, name="disk", daemon=True).start()
+    try:
+        return asking.result(limit_s)
+    except TimeoutError:
+        asking.add_done_callback(lambda late: None if late.exception() else drop(late.result()))
+        raise StoreError(STUCK) from None
 
 
 class OptionalConnections(SqliteConnections):
@@ -30,6 +55,8 @@ class OptionalConnections(SqliteConnections):
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         self._stand_in: StandIn | None = None
         self._memory_lock = Lock()
+        self._left: list[tuple[StoreConnections, list[Lock]]] = []
+        """Files in use that did not answer, and what is locked by those who wait for them."""
         self.outage: str | None = None
         """Why the file is not in use; None if it is."""
         super().__init__(directory, follows_stream=follows_stream)
@@ -68,6 +95,21 @@ class OptionalConnections(SqliteConnections):
             self._file.close()
             self._use_memory(state, why, pending, answered)
 
+    def leave_stuck(self, state: State, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
+        """As `leave_file`, of a file that many may wait for: it is left to them, and closed once it is in use again."""
+        self._left.append((self._file, [self._write_lock, self._number_lock, self._read_lock, self._long_read_lock]))
+        self._write_lock, self._number_lock, self._read_lock, self._long_read_lock = (Lock() for _ in range(4))
+        self._use_memory(state, STUCK, pending, answered)
+
+    def _close_left(self) -> None:
+        """Close the files that were left, unless somebody still waits for one."""
+        for left in list(self._left):
+            file, locks = left
+            with ExitStack() as held:
+                if all(lock.acquire(blocking=False) and held.callback(lock.release) for lock in locks):
+                    file.close()
+                    self._left.remove(left)
+
     def opened_again(self) -> StoreConnections | None:
         """Connections to the file if it is not in use and can be used again; they have all but the newest revisions."""
         if self._stand_in is None:
@@ -101,6 +143,7 @@ class OptionalConnections(SqliteConnections):
             self._stand_in = self.outage = None
             self._is_damaged = False
             stand_in.db.close()
+        self._close_left()
         log.warning("%s is in use again", self.path)
 
     def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
@@ -111,9 +154,13 @@ class OptionalConnections(SqliteConnections):
         if not self._follows_stream and not self._known_seq:
             self._known_seq = epoch(time.time())  # perhaps the disk with the numbers given before is not there
         try:
-            super()._begin()
+            opened = within(OPEN_STUCK_S, self._opened_or_renewed, StoreConnections.close)
+            self._use(opened)
         except (StoreError, OSError) as error:
-            self._use_memory(readable_state(self.path), str(error))
+            state = None
+            with suppress(StoreError):
+                state = within(OPEN_STUCK_S, partial(readable_state, self.path))
+            self._use_memory(state, str(error))
 
     def _opened(self) -> StoreConnections:
         """As before, and what SQLite can open for reading only is no file to use: it would stay so after a repair."""

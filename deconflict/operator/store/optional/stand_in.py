@@ -10,6 +10,7 @@ import sqlite3
 import time
 from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,6 +87,21 @@ def state_of(db: sqlite3.Connection) -> State:
     return State(tables.last_seq(db), rows)
 
 
+def state_of_open(revisions: Iterable[AnyRevision], last_seq: int) -> State:
+    """As of a database that has these open revisions alone, and has given numbers up to `last_seq`."""
+    with closing(_empty()) as db:
+        for revision in sorted(revisions, key=attrgetter("seq")):
+            tables.write_open(db, revision)
+        return state_of(db)._replace(last_seq=last_seq)
+
+
+def _empty() -> sqlite3.Connection:
+    db = sqlite3.connect(IN_MEMORY, isolation_level=None, check_same_thread=False)
+    for statement in (statement for step in UPGRADES for statement in step):
+        db.execute(statement)
+    return db
+
+
 def readable_state(path: Path) -> State | None:
     """What can be read of a file that can't be written; None if nothing can.
 
@@ -128,9 +144,7 @@ class StandIn:
         `pending` was published and is not in the file; the numbers in `answered` are of answers.
         """
         self.state, self._follows_stream = state, reserved is None
-        self.db = sqlite3.connect(IN_MEMORY, isolation_level=None, check_same_thread=False)
-        for statement in (statement for step in UPGRADES for statement in step):
-            self.db.execute(statement)
+        self.db = _empty()
         self.db.execute(f"PRAGMA max_page_count = {2 * MOST_BYTES // 4096}")
         if state:
             state.write(self.db)
@@ -173,7 +187,8 @@ class StandIn:
         Who returns with a number of before reads again: another epoch in memory may have been lost since.
         """
         last = tables.last_seq(file)
-        shift = 0 if self._follows_stream else max(last - self._begun_after, 0)
+        is_same = self._follows_stream or self._has_given(file, last)
+        shift = 0 if is_same else max(last - self._begun_after, 0)
         if self.state and self.state.is_lacked(file):
             self.state.write(file)
             tables.note_removed(file, ((kind, self.state.last_seq) for kind in EVERY_KIND))
@@ -182,6 +197,13 @@ class StandIn:
         if not self._follows_stream:
             tables.note_removed(file, ((kind, self._epoch + shift) for kind in EVERY_KIND))
         return shift
+
+    def _has_given(self, file: sqlite3.Connection, seq: int) -> bool:
+        """Whether the file has the revision of this database under a number: it was about to be stored."""
+        given, stored = (
+            db.execute("SELECT id, revision FROM revisions WHERE seq = ?", (seq,)).fetchone() for db in (self.db, file)
+        )
+        return given is not None and given == stored
 
     def handed_over(self, rows: list[tuple[int, str, int]], shift: int) -> None:
         self._shift = shift

@@ -148,6 +148,24 @@ async def test_a_changed_secret_signs_from_then_on_and_a_lost_one_stays(tmp_path
                 verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
 
 
+async def test_an_outlet_with_other_settings_keeps_a_secret_that_can_not_be_read_then(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with hearing() as other:
+        async with outlets(tmp_path) as (running, _, publisher):
+            before = hook(other, tmp_path)
+            running.renew([before], None)
+            await until(lambda: waiting(publisher))
+            (tmp_path / "secret").unlink()
+            running.renew([before.model_copy(update={"timeout_s": 7.0}), hook(other, tmp_path, "another")], None)
+            await until(lambda: waiting(publisher) == {"mes", "another"})
+            await publisher.publish([made(1)])
+            await heard(other, 2)
+    assert "the old secret stays in use: " in caplog.text
+    for headers, body in other.heard:
+        assert verified(headers, body, SECRET, float(headers["webhook-timestamp"]))
+
+
 async def test_an_outlet_with_an_unexpected_error_restarts_and_is_counted_and_logged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -6,7 +6,10 @@ from datetime import timedelta
 
 import pytest
 
+from deconflict.advisories.encounter_numbers import FORGOTTEN
+from deconflict.operator.store import pruning
 from deconflict.operator.store.store import Store
+from deconflict.roles.engine_link.restoration import FIRST_PAIR
 from deconflict_client.advisory import ConflictAdvisory
 from tests.deconflict.operator.store.reopened_store import reopened
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
@@ -31,6 +34,25 @@ def test_pruning_removes_old_cleared_advisories_and_reuses_no_number(store: Stor
     again = reopened(store)
     assert again.last_seq() == 5
     assert [advisory.seq for advisory in again.append([made(4)])] == [6]
+    again.close()
+
+
+def test_numbers_of_many_pairs_are_kept_as_one(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An older data directory may have any number of pairs, and a start reads them as before."""
+    monkeypatch.setattr(pruning, "MOST_PAIRS", 10)
+    monkeypatch.setattr(pruning, "PAIRS_AT_ONCE", 3)
+    pairs = [("a", f"b{number:02}") for number in range(30)]
+    store.append([made(number, robots=pair, encounter=number + 1) for number, pair in enumerate(pairs)])
+    assert dict(store.encounters_after(FIRST_PAIR, 100)) == {pair: number for number, pair in enumerate(pairs, 1)}
+    store.prune(START)
+    again = reopened(store)
+    known = dict(again.encounters_after(FIRST_PAIR, 100))
+    assert known == {pair: number for number, pair in enumerate(pairs, 1) if number > 20} | {FORGOTTEN: 20}
+    again.append([made(40, robots=("c", "d"), encounter=21)])
+    again.prune(START)
+    found = dict(again.encounters_after(FIRST_PAIR, 100))
+    assert len(found) == 11
+    assert found[FORGOTTEN] == 21
     again.close()
 
 

@@ -15,7 +15,7 @@ from deconflict.operator.ledger.loss_questions import LossQuestion
 from deconflict.operator.store.store import Store
 from deconflict.operator.store.tables import StoreError
 from deconflict.roles.engine_link import delivery
-from deconflict.roles.engine_link.delivery import Delivery, UndeliveredError
+from deconflict.roles.engine_link.delivery import Delivery, DeliveryFaultError, UndeliveredError
 from deconflict.roles.operator_role import OperatorRole
 from deconflict.roles.service import runtime_directory
 from deconflict.runtime.parcels import MOST_LINES, REFUSED, STORED, unpacked_parcel
@@ -211,3 +211,25 @@ async def test_any_amount_is_delivered_to_an_operator_face_that_answers(monkeypa
             await until(running_delivery.has_room)
     waits = running_delivery.measures.histograms["deconflict_message_to_advisory_seconds"]["Acme",]
     assert sum(waits.counts) == 100 * 10_000
+
+
+async def test_an_engine_whose_decisions_are_sent_no_more_ends_with_the_cause() -> None:
+    """So the supervisor starts it again, and what is open is delivered."""
+
+    async def stored(_: bytes) -> bytes:
+        return STORED
+
+    async def no_json(_: bytes) -> bytes:
+        return b"no JSON"
+
+    with runtime_directory() as runtime:
+        async with listening(socket_path(Path(runtime), "operator"), {"publish": stored, "answers": no_json}):
+            failing = Delivery(Path(runtime))
+            failing.start()
+            assert failing.has_room()
+            failing.add_pass(NOW_S, [made(1)], {}, Measures())
+            await until(lambda: failing._fault)
+            with pytest.raises(DeliveryFaultError) as raised:
+                failing.has_room()
+            assert isinstance(raised.value.__cause__, ValueError)
+            await asyncio.to_thread(failing.stop)

@@ -1,15 +1,19 @@
 """A store whose file can't be used: memory takes its place, and hands over what it has taken."""
 
+import json
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing, contextmanager
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from benchmarks.faulty_files.faults import blocked, held_alone, locked, read_only, remove
+from deconflict.operator.store import tables
 from deconflict.operator.store.optional import stand_in
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.optional.stand_in import STEP
@@ -17,11 +21,13 @@ from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import FILE_NAME
-from deconflict.operator.store.store import Store
+from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import EVERY_KIND, Acknowledgement, ClearedCode
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.store.made_damage import damage, page
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import START, cleared, made, situation
+from tests.helpers.patience import PATIENCE_S
 
 GIVEN = Acknowledgement(name="Kim", reason="seen", at=START)
 Harm = Callable[[Path], AbstractContextManager[None]]
@@ -321,3 +327,82 @@ def test_what_was_removed_from_memory_counts_as_removed_in_the_file(data: Path) 
     assert store.attach()
     assert store.page_after(first.seq, EVERY_KIND, 10).removed == last.seq
     store.close()
+
+
+def test_a_file_whose_disk_does_not_answer_is_left_and_used_again(data: Path) -> None:
+    """Some of what waits is being written when it is left, and is in the file before memory hands over the rest."""
+    store = OptionalStore(data)
+    begun = store.accept([made(3), made(4)])
+    with store.connections.writing() as db:
+        for revision in begun:
+            tables.write_revision(db, revision)
+        assert store.leave_stuck()
+        assert not store.leave_stuck()
+        known = {each.id: each.acknowledgement for each in store.latest("open").advisories}
+        assert known == {"advisory-2": GIVEN, "advisory-3": None, "advisory-4": None}
+        assert "does not answer" in (store.outage or "")
+        ended, raised = store.append([cleared(2), made(5)])
+        assert ended.acknowledgement == GIVEN
+        assert ended.seq > begun[-1].seq
+    assert store.attach()
+    assert store.outage is None
+    assert not store.connections._left
+    store.close()
+    with closing(Store(data)) as again:
+        assert again.after(4) == [*begun, ended, raised]
+        assert [each.id for each in again.latest("open").advisories] == ["advisory-5", "advisory-4", "advisory-3"]
+
+
+@pytest.mark.parametrize("is_answer", [False, True])
+def test_who_waits_for_a_disk_changes_nothing_once_its_file_was_left(is_answer: bool, data: Path) -> None:
+    with closing(OptionalStore(data)) as store, ThreadPoolExecutor() as threads:
+        with store.connections.numbering():  # as a read that the disk does not answer
+            asked = partial(store.accept_answer, "advisory-2", GIVEN) if is_answer else partial(store.accept, [made(3)])
+            waiting = threads.submit(asked)
+            while store._number_lock.acquire(blocking=False):
+                store._number_lock.release()
+                time.sleep(0.001)
+            assert store.leave_stuck()
+            (given,) = store.append([made(3)])
+        with pytest.raises(StoreError):
+            waiting.result()
+        assert [each.seq for each in store.after(epoch(time.time() - 60.0))] == [given.seq]
+
+
+async def test_revisions_and_answers_are_published_from_memory_once_a_disk_does_not_answer(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.publisher.STUCK_S", 0.1)
+    with closing(OptionalStore(data)) as store:
+        publisher = Publisher(store, Measures())
+        for number, answers in ((3, True), (4, False)):
+            with store.connections.numbering(), store.connections.reading():
+                if answers:
+                    assert await publisher.acknowledge("advisory-2", GIVEN)
+                await publisher.publish([made(number)])
+                page = await publisher.after(publisher.last_seq - 1)
+                assert [made(number).id] == [json.loads(line.text)["id"] for line in page.lines]
+                assert store.outage
+            assert store.attach()
+            await publisher.renew_numbers()
+        assert [each.id for each in store.latest("open").advisories] == ["advisory-4", "advisory-3", "advisory-2"]
+        await publisher.close()
+
+
+def test_a_store_begins_in_memory_on_a_disk_that_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.optional.optional_connections.OPEN_STUCK_S", 0.3)
+    with disk_that_can_stick(tmp_path) as disk:
+        with closing(OptionalStore(disk / "data")) as store:
+            store.append([made(1)])
+        with stuck(disk):
+            store = OptionalStore(disk / "data")
+            assert "does not answer" in (store.outage or "")
+            (given,) = store.append([made(2)])
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not store.attach() and time.monotonic() < deadline_s:
+            time.sleep(0.1)
+        assert [each.id for each in store.after(0)] == ["advisory-1", "advisory-2"]
+        assert store.after(given.seq - 1) == [given]
+        store.close()
