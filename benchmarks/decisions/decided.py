@@ -12,7 +12,7 @@ A decision is a key and a value. Keys name no internal part, and the values are 
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,7 +34,7 @@ def decided(log: Path, site: Path | None, clearance_m: float | None = None) -> t
         options += ["--site", str(site)] if site else []
         options += ["--clearance", str(clearance_m)] if clearance_m is not None else []
         args = parser().parse_args(["replay", str(log), "--jobs", "1", *options])
-        with redirect_stdout(StringIO()):
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
             args.run(args)
         result = json.loads(outputs["json"].read_text())
         found = (
