@@ -26,6 +26,8 @@ STEP_S = 1.0
 AGREE_S = 0.5
 """Messages agree on a step if they differ by at most this plus the resolution of the stamps. They confirm it if they
 were sent over at least twice that time: a queue of that length, sent at once, would differ by more."""
+ONE_STAMP_S = 1.0
+"""Messages of one second may have one stamp. The later ones were sent later by as much as they came."""
 SLEW = 0.01
 """Seconds per second by which the clock is slewed: a step of an hour is corrected in four days, or at a restart."""
 HOST_STEP_S = 1.0
@@ -64,7 +66,9 @@ class SenderClock:
     """An estimate of the clock of one sender, from the stamps and arrivals of its messages."""
 
     __slots__ = (
+        "_arrived_s",
         "_earlier_s",
+        "_gaps_s",
         "_least_s",
         "_messages",
         "_newest_s",
@@ -72,10 +76,11 @@ class SenderClock:
         "_step_s",
         "_step_stamp_s",
         "_tolerance_s",
+        "_within_s",
         "delay_s",
         "offset_s",
-        "since_s",
         "stamp_s",
+        "stands_s",
     )
 
     def __init__(self, tolerance_s: float) -> None:
@@ -92,24 +97,44 @@ class SenderClock:
         """The sender's stamps plus this are service time."""
         self.delay_s = 0.0
         """The delay of the newest message."""
-        self.stamp_s = self.since_s = nan
-        """Its stamp, and when the first message of those in a row with that stamp arrived."""
+        self.stamp_s = self._arrived_s = nan
+        """Its stamp, and when it arrived."""
+        self._within_s = 0.0
+        """For how long messages that follow each other quickly have had that stamp."""
+        self._gaps_s: tuple[float, ...] = ()
+        """The two longest times between two of these messages, the longest first."""
+        self.stands_s = 0.0
+        """For how long messages in a row have had that stamp. The longest gap between two of them counts as the second
+        longest: what was sent in one second may have been held up in between."""
 
-    def event_time(self, stamp_s: float, arrival_s: float, resolution_s: float) -> float:
+    def event_time(self, stamp_s: float, arrival_s: float, resolution_s: float, *, is_repeated: bool = False) -> float:
         """Update the estimate with a message. Returns its stamp in service time, never after its arrival.
 
         `resolution_s` is the resolution of its stamp. If that is much coarser than the delays, the result is the latest
-        time that the stamp may mean.
+        time that the stamp may mean. A message `is_repeated` if it is the last one again.
         """
         gap_s = arrival_s - stamp_s
-        self.since_s = self.since_s if stamp_s == self.stamp_s else arrival_s
-        self.stamp_s, self._resolution_s = stamp_s, resolution_s
+        self._note_stamp(stamp_s, arrival_s, is_repeated=is_repeated)
+        self._resolution_s = resolution_s
         if not abs(gap_s - self._newest_s) > STEP_S + resolution_s or self._confirms(gap_s, stamp_s):
             self._add(gap_s)
         offset_s = self.offset_s
         self.delay_s = max(gap_s - offset_s, 0.0)
         coarse_s = resolution_s if resolution_s > 2 * self._tolerance_s else 0.0
-        return min(stamp_s + offset_s + coarse_s, arrival_s)
+        within_s = min(self._within_s, ONE_STAMP_S) if not coarse_s else 0.0
+        return min(stamp_s + offset_s + coarse_s + within_s, arrival_s)
+
+    def _note_stamp(self, stamp_s: float, arrival_s: float, *, is_repeated: bool) -> None:
+        since_s = arrival_s - self._arrived_s
+        if stamp_s == self.stamp_s:
+            before_s = sum(self._gaps_s[:1]) - sum(self._gaps_s[1:])
+            self._gaps_s = tuple(sorted((*self._gaps_s, since_s), reverse=True)[:2])
+            after_s = sum(self._gaps_s[:1]) - sum(self._gaps_s[1:])
+            self.stands_s += since_s + before_s - after_s
+            self._within_s += since_s if since_s < ONE_STAMP_S and not is_repeated else 0.0
+        else:
+            self._gaps_s, self.stands_s, self._within_s = (), 0.0, 0.0
+        self.stamp_s, self._arrived_s = stamp_s, arrival_s
 
     def _add(self, gap_s: float) -> None:
         self._newest_s, self._step_s = gap_s, nan

@@ -238,7 +238,7 @@ class Fleet:
         robot.amounts, robot.is_outdated = status.amounts, False
         self._note_newest(robot, raw, arrival_s, connection)
         self._changed[robot.uuid] = robot
-        return findings + self.placement.forecast(robot, status, frame, sighting, robot.compared_with(event_s))
+        return findings + self.placement.forecast(robot, status, frame, sighting, robot.compared_with(sighting))
 
     def _note_newest(self, robot: Robot, raw: bytes, arrival_s: float, connection: Connection) -> None:
         robot.status_raw, robot.arrival_s, robot.status_from = raw, arrival_s, connection

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from ingest.batch import Basis
 from ingest.fleet.owners.device_kinds import participant_of
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.prediction import heading_sense, plausibility
@@ -79,8 +80,9 @@ class Placement:
         resolution_s, clock = status.stamp_resolution_s, robot.clock
         if isinf(resolution_s):
             return arrival_s, findings
-        event_s = clock.event_time(status.stamp_s, arrival_s, resolution_s)
-        if arrival_s - clock.since_s > plausibility.STALE_S + resolution_s:
+        is_repeated = status.stamp_s == clock.stamp_s and raw == robot.status_raw
+        event_s = clock.event_time(status.stamp_s, arrival_s, resolution_s, is_repeated=is_repeated)
+        if clock.stands_s > plausibility.STALE_S + resolution_s:
             if raw != robot.status_raw:
                 return arrival_s, (*findings, "stamp-unchanged")
             event_s = max(event_s, robot.seen.t_s) if robot.seen else event_s
@@ -103,6 +105,9 @@ class Placement:
         if not (robot.seen and status):
             return False
         frame, sighting = self.sighting(robot, status, robot.seen.t_s)
+        seen = robot.seen
+        held = {"clock_offset_s": seen.clock_offset_s, "posed_s": seen.posed_s, "repeated_s": seen.repeated_s}
+        sighting = replace(sighting, **held)
         self.forecast(robot, status, frame, sighting, robot.before)
         return True
 
@@ -129,7 +134,7 @@ class Placement:
             offset_s = robot.clock.offset_s if is_near else offset_s
         motion = status.linear_mps, turn_radps, offset_s
         now = Sighting(event_s, floor, x_m, y_m, yaw_rad, *motion, state=status.state, sideways_rad=sideways_rad)
-        return frame, now
+        return frame, robot.held.as_of_pose(robot.seen, now)
 
     def forecast(
         self, robot: Robot, status: Status, frame: Frame, sighting: Sighting, before: Sighting | None
@@ -149,6 +154,10 @@ class Placement:
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
         robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
+        is_by_path = robot.forecast.basis is Basis.PATH and robot.seen.is_driving
+        is_timed = robot.pace.path_share != 1.0 or "path-retimed" not in robot.forecast.findings
+        is_by_path &= is_timed and not status.path.most
+        robot.pace.follow(robot.forecast.knots, robot.seen.linear_mps, is_by_path=is_by_path)
         shape = robot.forecast.shape
         robot.trailer_yaws_rad = trailer_headings(shape, robot.trailer_yaws_rad, last, robot.seen)
         if shape and robot.trailer_yaws_rad:

@@ -9,7 +9,7 @@ To import this imports numba, which takes 0.5 s and 60 MB, and compiles kernels 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from ingest.fleet.prediction import plausibility
 from ingest.fleet.prediction.envelope import size
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import is_out_of_reach
+from ingest.fleet.prediction.held_poses import is_repeated
 from ingest.fleet.prediction.pace import SPACED_S
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, LATE_S, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
@@ -68,7 +69,7 @@ class RepeatReader:
     def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
         """Update the robot and its forecast. Returns its deviations. None, without any change, for any other status."""
         robot, before, marks = self.robot, self.robot.seen, scanned.marks
-        if before is None or before.floor != self.floor or event_s - before.t_s < SPACED_S:
+        if before is None or not self._may_repeat(before, event_s):
             return None
         first_point, end_of_path = marks[OF_PATH], marks[_PATH_END]
         first_stop, end_of_stops = marks[OF_DESTINATIONS], marks[_STOPS_END]
@@ -93,17 +94,37 @@ class RepeatReader:
             return None
         offset_s, state = event_s - stamp_s, self.texts.state
         seen = Sighting(event_s, self.floor, x_m, y_m, yaw_rad, linear_mps, turn_radps, offset_s, state=state)
-        if is_out_of_reach(before, seen, robot.doubt_m, self.context.body.max_speed_mps):
+        if self._is_odd(before, seen):
             return None
         robot.state, robot.known_state, robot.doubt_m = self.texts.state, self.texts.known_state, 0.0
         robot.reports_within_s = 0.0
         robot.amounts = scanned.amounts
+        self._move(before, seen, rows[:knots], z_m)
+        robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
+        return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
+
+    def _move(self, before: Sighting, seen: Sighting, knots: Floats, z_m: float) -> None:
+        """Let the robot be seen after `before`, with the knots (k, 4) of its forecast, at a height."""
+        robot = self.robot
         robot.before, robot.between, robot.seen = before, None, plausibility.in_motion(before, seen)
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
-        robot.forecast = Forecast(self.basis, rows[:knots], (self.floor,) * knots, *size(self.context.body, z_m))
-        robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
-        return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
+        robot.forecast = Forecast(self.basis, knots, (self.floor,) * len(knots), *size(self.context.body, z_m))
+        is_by_path = self.basis is Basis.PATH and robot.seen.is_driving
+        robot.pace.follow(knots, seen.linear_mps, is_by_path=is_by_path)
+
+    def _is_odd(self, before: Sighting, seen: Sighting) -> bool:
+        """Whether the pose may be older than its message, or the robot was moved."""
+        max_speed_mps = self.context.body.max_speed_mps
+        is_moved = is_out_of_reach(before, seen, self.robot.doubt_m, max_speed_mps)
+        return is_moved or is_repeated(before, seen)
+
+    def _may_repeat(self, before: Sighting, event_s: float) -> bool:
+        """Whether a message that comes a while later may be read here. One of a robot whose poses may be older than its
+        messages, or that does not keep the times of its paths, may not."""
+        robot, is_spaced = self.robot, event_s - before.t_s >= SPACED_S
+        is_corrected = robot.held.lasts_s or not isnan(before.posed_s) or robot.pace.path_share != 1.0
+        return before.floor == self.floor and is_spaced and not is_corrected
 
     def _findings_with_points(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
         findings = Findings(self.findings)

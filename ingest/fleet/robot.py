@@ -10,6 +10,7 @@ from ingest.clocks import SenderClock
 from ingest.fleet.prediction.forecast_model import NO_STOPS, Forecast, ForecastContext, Sighting
 from ingest.fleet.prediction.hand_moves import HandMove
 from ingest.fleet.prediction.heading_sense import Sense
+from ingest.fleet.prediction.held_poses import HeldPoses
 from ingest.fleet.prediction.pace import SPACED_S, Pace
 from ingest.fleet.prediction.position_unit import UnitMoves
 from ingest.fleet.shared_identities import SharedIdentity
@@ -81,6 +82,8 @@ class Robot:
     """Whether an update came that its forecast does not have yet."""
     was_blocked: bool = False
     """Whether it could not move, by its newest status."""
+    held: HeldPoses = field(default_factory=HeldPoses)
+    """How long it holds its poses while it drives."""
     pace: Pace = field(default_factory=Pace)
     """How fast it was seen to drive and to turn."""
     unit_moves: UnitMoves | None = None
@@ -142,9 +145,12 @@ class Robot:
         self.trailer_yaws_rad = ()
         self.pace.begin_anew()
 
-    def compared_with(self, t_s: float) -> Sighting | None:
-        """The earlier sighting with which a new one of `t_s` is compared: the newest if it is at least `SPACED_S` old,
+    def compared_with(self, now: Sighting) -> Sighting | None:
+        """The earlier sighting with which a new one is compared: the newest if it is at least `SPACED_S` old,
         else one that is. In less time a robot moves by no more than the noise of positions."""
+        return self.held.begun(self._spaced_before(now.t_s), now)
+
+    def _spaced_before(self, t_s: float) -> Sighting | None:
         newest, between = self.seen, self.between
         if newest is None or t_s - newest.t_s >= SPACED_S:
             self.between = None

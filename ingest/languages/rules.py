@@ -212,6 +212,7 @@ def value_rules(clause: str) -> tuple[Rule, ...]:
             "One value, or one with numbers as keys, stands where a list belongs, or a list where a value does; read.",
             clause,
         ),
+        Rule("nested-otherwise", "A value stands one level deeper or flatter than in the schema; read.", clause),
         Rule("value-unreadable", "A value can't be read as what belongs there; left out.", clause),
         Rule("text-not-utf8", "A text has bytes that are no letters in UTF-8; marks stand for them.", clause),
         Rule(

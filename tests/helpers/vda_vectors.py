@@ -76,6 +76,8 @@ VECTORS = (
     VdaVector("state", changed(agvPosition=position(mapId=3)), ("text-as-number",)),
     VdaVector("state", changed(errors={"errorType": "x", "errorLevel": "WARNING"}), ("single-not-list",)),
     VdaVector("state", changed(agvPosition=[position()]), ("single-not-list",)),
+    VdaVector("state", changed(agvPosition={"position": position()}), ("nested-otherwise",)),
+    VdaVector("state", changed(agvPosition=None, **position()), ("nested-otherwise", "null-value")),
     VdaVector("state", changed(agvPosition=position(mapId=None, map_id="hall")), ("key-spelling",)),
     VdaVector("state", changed(agvPosition=position(mapId=None, mapsId="hall")), ("key-unknown", "map-missing")),
     VdaVector("state", changed(timestamp=1790000000), ("stamp-epoch",)),

@@ -42,6 +42,12 @@ def here(**replaced: Any) -> dict[str, Any]:
     return {key: value for key, value in location.items() if value is not None}
 
 
+def _flat() -> bytes:
+    """A status with the keys of its location beside it."""
+    report = json.loads(said())
+    return json.dumps(report | report.pop("location")).encode()
+
+
 def at(t_s: float, x: float = 3.0, **replaced: Any) -> dict[str, Any]:
     """A point of a path; a key given as None is left out."""
     point = {"timestamp": stamp(t_s), "x": x, "y": 4.0, "angle": UPRIGHT} | replaced
@@ -176,6 +182,19 @@ def _keys_and_types() -> Iterator[Vector]:
     yield Vector("a serial number", named(robotSerialNumber=7), ("text-as-number",), reads={"serial": "7"})
     yield Vector("an error number", said(errorCodes=[12]), ("text-as-number",), reads={"error_codes": ("12",)})
     yield Vector("a weight as a number", named(cargoMaxWeight=4000), ("text-as-number",))
+    yield Vector("a decimal comma", said(location=here(x="1,5")), ("number-as-text",), reads={"x": 1.5})
+    yield Vector("a location too deep", said(location={"location": here()}), ("nested-otherwise",), reads={"x": 1.0})
+    yield Vector("a location too flat", _flat(), ("nested-otherwise",), reads={"x": 1.0})
+    yield Vector(
+        "a speed too flat", said(linear=0.5), ("nested-otherwise",), reads={"linear_mps": 0.5, "turn_rad_per_s": None}
+    )
+    yield Vector(
+        "a speed too deep",
+        said(velocity={"velocity": {"linear": 0.5}}),
+        ("nested-otherwise",),
+        reads={"linear_mps": 0.5, "turn_rad_per_s": None},
+    )
+    yield Vector("a report in an object", b'{"statusReport":' + said() + b"}", ("nested-otherwise",), reads={"x": 1.0})
     yield Vector("one error code", said(errorCodes="stuck"), ("single-not-list",), reads={"error_codes": ("stuck",)})
     yield Vector("one destination", said(destinations=at(T + 60)), ("single-not-list",))
     yield Vector(

@@ -88,9 +88,11 @@ def _plain_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def until_s(here: Sighting, context: ForecastContext) -> float:
-    """How far a forecast reaches that has no end of its own: the horizon, from the next report on if those are rare."""
+    """How far a forecast reaches that has no end of its own: the horizon, from the next report on if those are rare,
+    and from the last message on if the pose is older."""
     late_s = here.interval_s if here.interval_s > REGULAR_S else 0.0
-    return here.t_s + context.reading.horizon_s + late_s
+    last_s = here.t_s if isnan(here.repeated_s) else here.repeated_s
+    return last_s + context.reading.horizon_s + late_s
 
 
 class _Route(NamedTuple):

@@ -1,7 +1,7 @@
 """What a forecast is made from and what it is made of."""
 
 from collections.abc import Sequence
-from math import copysign, inf, pi
+from math import copysign, inf, nan, pi
 from typing import Protocol
 
 import msgspec
@@ -102,6 +102,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """How far it turned since the sighting before, if that is near in time."""
     unturned_rad: float = 0.0
     """How far its turn rates would have turned it beyond its headings, in the sightings up to this that lag behind."""
+    posed_s: float = nan
+    """When a pose came first that it sends again while it may drive; nan for one that came once."""
+    repeated_s: float = nan
+    """When that came last."""
 
     @property
     def is_turning(self) -> bool:

@@ -7,6 +7,7 @@ positions may be in another unit, or two senders may share its UUID.
 from typing import NamedTuple
 
 from ingest.fleet.prediction.forecast_model import Sighting
+from ingest.fleet.prediction.held_poses import LONGEST_S
 from ingest.fleet.prediction.path_forecast import PLAUSIBLE_SPEED_MPS
 
 SLACK_M = 2.0
@@ -38,8 +39,10 @@ class HandMove(NamedTuple):
 
 def is_out_of_reach(before: Sighting, now: Sighting, doubt_m: float, max_speed_mps: float | None) -> bool:
     """Whether a robot that stood or was silent can't have driven from one sighting to the other, which is later. A
-    change of floor is never out of reach: there are lifts."""
-    took_s = now.t_s - before.t_s
+    change of floor is never out of reach: there are lifts. A pose that was sent again a few times may be as old as the
+    first of them."""
+    is_of_late = before.t_s - before.posed_s <= LONGEST_S
+    took_s = now.t_s - (before.posed_s if is_of_late else before.t_s)
     stood = not before.is_driving and before.linear_mps is not None and not before.same_place_s
     if before.floor != now.floor or not (stood or took_s > SILENT_S):
         return False

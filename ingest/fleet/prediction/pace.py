@@ -7,13 +7,18 @@ over a window of motion is not moved by starts and stops, and follows a change o
 
 from bisect import bisect_left
 from collections import OrderedDict, deque
-from itertools import accumulate
-from math import cos, hypot, inf, isfinite, sin
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from math import cos, hypot, inf, isfinite, nan, sin
 from typing import NamedTuple
 
+import numpy as np
+
+from ingest.batch import Floats
 from ingest.fleet.prediction.forecast_model import Knot, Sighting
 from ingest.frames.angles import turn_between
 from ingest.frames.assumed_motion import ASSUMED_MPS, ASSUMED_TURN_RADPS, DRIVES_MPS, TURNS_RADPS
+from ingest.frames.way_pieces import nearest_place
 
 SPEEDS_UP_MPS2 = 1.0
 """How quickly robots are assumed to start and to brake."""
@@ -39,16 +44,22 @@ UNSLOWED = 0.9
 """A robot that keeps this share of its speed does not brake."""
 FULL_TURN = 0.8
 """Of the turn rates between two reports, this part is too small, since the robot turned only some of the time."""
-TURN, CORNER, BEYOND = "turn", "corner", "beyond"
+TURN, CORNER, BEYOND, ON_PATH = "turn", "corner", "beyond", "path"
 BEYOND_S, BEYOND_COUNTS_S = 3.0, 0.5
 """When a robot is compared with how it was thought to go on beyond its path, and as how much motion that counts."""
+FOLLOWED_S, BESIDE_M, LEAST_M = 3.0, 1.0, 0.5
+"""When a robot is compared with its path, if it is not further beside it and would have gone at least so far."""
+OFTEN, AS_SAID, ALIKE, KEPT_S = 6, 1.4, 1.25, 600.0
+"""A robot keeps the times of its paths unless they were off so often by more than the first factor, and half of all
+times by nearly the same one, but for the second. One that kept them so short a while ago is held up."""
 PASSED_M, OVERDUE_S, COUNTS_S = 0.7, 15.0, 5.0
 """A robot passes a place at this distance or less. One that is later than the second passes it no more. A corner counts
 as this much motion."""
 Kind = float | str
 """The allowed speed in steps of 0.1 m/s, inf if none is stated and negative in a bend; `TURN` for turns on the spot;
 `CORNER` for what a corner takes beyond its turn, which is seconds instead of a speed; `BEYOND` for the share of its
-speed with which a robot goes on in a straight line beyond the end of its path."""
+speed with which a robot goes on in a straight line beyond the end of its path; `ON_PATH` for how far it drives on its
+path as a share of how far it said."""
 
 
 class Allowance(NamedTuple):
@@ -88,6 +99,12 @@ class ObservedSpeeds:
             self._usual = speeds[bisect_left(lasted_s, self._part * lasted_s[-1] * NEARLY)][0]
         return self._usual
 
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Between which half of them are."""
+        speeds = sorted(speed for _, speed in self._samples)
+        return speeds[len(speeds) // 4], speeds[-1 - len(speeds) // 4]
+
 
 SpeedsByKind = dict[Kind, ObservedSpeeds]
 
@@ -107,6 +124,10 @@ class Pace:
         """A place beyond a corner, x and y, and when it would be there if it lost no time by braking and starting."""
         self._beyond_path: tuple[Knot, float, float] | None = None
         """The end of a path, and the direction and the speed with which it was thought to go on there."""
+        self._followed: tuple[Sequence[Knot], float, float] | None = None
+        """A forecast by its path, and `path_share` and its speed at that time."""
+        self._kept_s = -inf
+        """When it was last seen to keep the times of a path."""
         self._observed_s = -inf
         """When it was observed last."""
         self._held_back: tuple[float, float] | None = None
@@ -116,7 +137,7 @@ class Pace:
 
     def begin_anew(self) -> None:
         """It is at another place without having driven there."""
-        self._from = self._beyond_corner = self._beyond_path = self._held_back = None
+        self._from = self._beyond_corner = self._beyond_path = self._held_back = self._followed = None
 
     def observe(self, now: Sighting) -> None:
         """Take in where the robot is now."""
@@ -170,6 +191,31 @@ class Pace:
         """Compare with how it goes on beyond the end of its path, unless that of an earlier path is awaited."""
         self._beyond_path = self._beyond_path or (end, direction_rad, mps)
 
+    @property
+    def path_share(self) -> float:
+        """How fast it drives along its paths as a share of what their times say; 1 for one that keeps them."""
+        speeds = self.own.get(ON_PATH)
+        keeps_times = self._observed_s - self._kept_s < KEPT_S
+        if keeps_times or speeds is None or speeds.seen_s < OFTEN * FOLLOWED_S:
+            return 1.0
+        low, high = speeds.middle
+        return speeds.usual if high < ALIKE * low and (low > AS_SAID or high * AS_SAID < 1.0) else 1.0
+
+    def follow(self, knots: Sequence[Knot] | Floats, now_mps: float | None, *, is_by_path: bool) -> None:
+        """Compare where the robot is, the first of the knots, with an earlier forecast by its path, if it has driven
+        steadily. They are kept if it drives by the times of its path."""
+        (t_s, x, y, _), share_now = knots[0], self.path_share
+        if self._followed and t_s >= self._followed[0][0][0] + FOLLOWED_S:
+            (earlier, share, mps), self._followed = self._followed, None
+            said_m, driven_m = _along(earlier, t_s, x, y)
+            lasted_s = t_s - earlier[0][0]
+            if said_m >= LEAST_M and UNSLOWED * driven_m <= mps * lasted_s <= driven_m / UNSLOWED:
+                share *= driven_m / said_m
+                self._add(ON_PATH, min(lasted_s, OWN_S), share)
+                self._kept_s = t_s if share < AS_SAID < AS_SAID**2 * share else self._kept_s
+        if is_by_path and self._followed is None:
+            self._followed = [tuple(knot) for knot in knots], share_now, abs(now_mps or 0.0)
+
     def _go_beyond(self, now: Sighting) -> None:
         if self._beyond_path is None:
             return
@@ -210,6 +256,22 @@ def _stated_mps(sighting: Sighting) -> float:
 def _known(speeds: ObservedSpeeds | None, kind: Kind) -> float | None:
     needed_s = TURNED_S if kind == TURN else OBSERVED_S
     return speeds.usual if speeds and speeds.seen_s >= needed_s else None
+
+
+def _along(knots: Sequence[Knot], t_s: float, x: float, y: float) -> tuple[float, float]:
+    """How far from its beginning a forecast puts a robot at a time, and how far along it, or straight on from its end,
+    a place is: nan if it is beside that."""
+    ways_m = [0.0]
+    for before, after in pairwise(knots):
+        ways_m.append(ways_m[-1] + hypot(after[1] - before[1], after[2] - before[2]))
+    said_m = float(np.interp(t_s, [knot[0] for knot in knots], ways_m))
+    away_m, end, point = nearest_place([(knot[1], knot[2]) for knot in knots], x, y)
+    (_, from_x, from_y, _), (_, to_x, to_y, _) = knots[end - 1], knots[end]
+    driven_m, length_m = hypot(point[0] - from_x, point[1] - from_y), ways_m[end] - ways_m[end - 1]
+    if length_m and driven_m >= length_m and end == len(knots) - 1:
+        dx, dy = (to_x - from_x) / length_m, (to_y - from_y) / length_m
+        driven_m, away_m = (x - from_x) * dx + (y - from_y) * dy, abs((y - to_y) * dx - (x - to_x) * dy)
+    return said_m, ways_m[end - 1] + driven_m if away_m <= BESIDE_M else nan
 
 
 class PaceBook:

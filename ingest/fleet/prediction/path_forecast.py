@@ -48,14 +48,10 @@ def route_by_path(
     if path.most and len(path.most) == len(points):
         points = paced(points, path.most, here, paces)
     else:
-        if not in_order:
-            points, floors, in_order = _in_order(points, floors, here)
-        if not in_order or _is_of_another_drive(points, floors, here, paces.pace):
-            begin = _next_point(points, here)
-            points, floors = _retimed(points[begin:], here, context.body, paces), floors[begin:]
-            findings.append("path-retimed")
-            if not points:
-                return None
+        points, floors, is_retimed = _with_times(points, floors, here, context.body, paces, in_order=in_order)
+        findings += ["path-retimed"] if is_retimed else []
+        if not points:
+            return None
     times = [point[0] for point in points]
     ahead = bisect_right(times, here.t_s)
     within = bisect_left(times, here.t_s + context.reading.horizon_s + context.reading.quiet_after_s) + 1
@@ -66,6 +62,22 @@ def route_by_path(
     if reachable < 2:
         return None
     return knots[:reachable], all_floors[:reachable]
+
+
+def _with_times(
+    points: list[Knot], floors: list[int], here: Sighting, body: RobotBody, paces: Paces, *, in_order: bool
+) -> tuple[list[Knot], list[int], bool]:
+    """The points and their floors, with times that the robot may keep, and whether these are new."""
+    share, is_retimed = paces.pace.path_share, False
+    if not in_order:
+        points, floors, in_order = _in_order(points, floors, here)
+    elif here.is_driving and share != 1.0:
+        points, floors = _at_pace(points, floors, here, share)
+        is_retimed = True
+    if not in_order or _is_of_another_drive(points, floors, here, paces.pace):
+        begin = _next_point(points, here)
+        points, floors, is_retimed = _retimed(points[begin:], here, body, paces), floors[begin:], True
+    return points, floors, is_retimed
 
 
 def knot_at(here: Sighting) -> Knot:
@@ -166,6 +178,22 @@ def _retimed(points: list[Knot], here: Sighting, body: RobotBody, paces: Paces) 
         retimed.append((t_s, x, y, yaw_rad))
         last_x, last_y, last_rad = x, y, yaw_rad
     return retimed
+
+
+def _at_pace(points: list[Knot], floors: list[int], here: Sighting, share: float) -> tuple[list[Knot], list[int]]:
+    """The points ahead on a way on which the robot drives this share of what its times say, with the times of that."""
+    end = nearest_piece([(x, y) for _, x, y, _ in points], here.x_m, here.y_m)[1]
+    (t_s, x, y, _), (end_s, end_x, end_y, _) = points[max(end - 1, 0)], points[end]
+    dx, dy = end_x - x, end_y - y
+    square = dx * dx + dy * dy
+    along = ((here.x_m - x) * dx + (here.y_m - y) * dy) / square if square else 0.0
+    passed_s = t_s + min(along, 1.0) * (end_s - t_s) if square else min(t_s, here.t_s)
+    begin = end if along > 0.0 else max(end - 1, 0)
+    timed: list[Knot] = []
+    for row, (at_s, to_x, to_y, yaw_rad) in enumerate(points[begin:], 1):
+        ahead_s = max((at_s - passed_s) / share, 0.0) + LEAST_STEP_S * row
+        timed.append((here.t_s + ahead_s, to_x, to_y, yaw_rad))
+    return timed, floors[begin:]
 
 
 def jump_mps(body: RobotBody) -> float:

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from ingest.languages import timestamps
 from ingest.languages.front_end import Topic, TopicFrontEnd, TopicSender
+from ingest.languages.geometry.outlines import Outline, outline_of
 from ingest.languages.iso21423.iso_memory import NOTHING, IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import (
     KEYS,
@@ -30,9 +31,11 @@ from ingest.languages.iso21423.iso_messages import (
     PlanMessage,
     StatusMessage,
     TrajectoryMessage,
+    WayMessage,
 )
 from ingest.languages.iso21423.iso_rules import CHAPTERS, RULES
 from ingest.languages.iso21423.iso_status import path_of, states_of, status_of
+from ingest.languages.iso21423.iso_way import is_moving, way_of
 from ingest.languages.model import (
     MAX_POSITION,
     MAX_SPEED_MPS,
@@ -44,7 +47,6 @@ from ingest.languages.model import (
     only_datum,
     update_of,
 )
-from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings, RejectedError, Rule
 from ingest.languages.tolerance.heard import heard_after
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required, stamp_of, time_of
@@ -132,7 +134,9 @@ def _read_odometry(
     if pose is None or abs(pose.location_point.x) > MAX_POSITION or abs(pose.location_point.y) > MAX_POSITION:
         raise RejectedError("position-absurd", "odometry has no position on any floor; send metres")
     stamp = stamp if stamp.is_known else timestamps.Stamp(memory.path_stamp_s, inf)
-    memory = replace(memory, pose=IsoPose(stamp, _on_known_map(pose, stamp.t_s, memory, findings), message.velocity))
+    moves = is_moving(memory.pose, stamp.t_s, pose, message.velocity)
+    on_map = _on_known_map(pose, stamp.t_s, memory, findings)
+    memory = replace(memory, pose=IsoPose(stamp, on_map, message.velocity, moves))
     status = status_of(uuid, memory, findings)
     return status or update_of(uuid, findings), memory
 
@@ -170,6 +174,8 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
             return replace(memory, path=path, path_stamp_s=time_of(stamp, path))
         case PlanMessage():
             return replace(memory, plan=path_of(message.global_plan or [], "globalPlan", stamp.t_s, findings))
+        case WayMessage():
+            return replace(memory, way=way_of(message.global_path, findings))
         case StatusMessage():
             states = states_of(message.named_states or [], findings)
             if not any(state.startswith("MODE_") for state in states):

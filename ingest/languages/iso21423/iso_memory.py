@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import msgspec
 
+from ingest.languages.geometry.outlines import Outline
+from ingest.languages.geometry.trajectories import Curve
 from ingest.languages.iso21423.iso_messages import IdentityMessage, OdometryPose, Speeds
 from ingest.languages.model import NO_PATH, Path
-from ingest.languages.outlines import Outline
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
 
@@ -17,6 +18,16 @@ class IsoPose(NamedTuple):
     stamp: Stamp
     pose: OdometryPose
     velocity: Speeds | None
+    moves: bool
+    """Whether the robot drives or turns, by its speeds, or else by the odometry before."""
+
+
+class IsoWay(NamedTuple):
+    """The newest global path."""
+
+    curve: Curve
+    datum: str
+    """Of its first point."""
 
 
 class IsoMemory(msgspec.Struct, frozen=True, gc=False):
@@ -36,6 +47,7 @@ class IsoMemory(msgspec.Struct, frozen=True, gc=False):
     path: Path = NO_PATH
     path_stamp_s: float = 0.0
     plan: Path = NO_PATH
+    way: IsoWay | None = None
     battery_pct: float | None = None
 
 

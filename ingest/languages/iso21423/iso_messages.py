@@ -56,6 +56,37 @@ class TrajectoryMessage(IsoMessage, frozen=True):
     local_trajectory: list[TimedPoint] | None = None
 
 
+class CurvePoint(IsoObject, frozen=True):
+    """A control point of a curve."""
+
+    location_point: LocationPoint
+    weight: float | None = None
+
+    @property
+    def x(self) -> float:
+        return self.location_point.x
+
+    @property
+    def y(self) -> float:
+        return self.location_point.y
+
+
+class WayCurve(IsoObject, frozen=True):
+    """A NURBS without times."""
+
+    control_points: list[CurvePoint]
+    degree: int | None = None
+    knots: list[float] | None = None
+
+    @property
+    def knot_vector(self) -> list[float] | None:
+        return self.knots
+
+
+class WayMessage(IsoMessage, frozen=True):
+    global_path: WayCurve | None = None
+
+
 class PlanMessage(IsoMessage, frozen=True):
     global_plan: list[TimedPoint] | None = None
 
@@ -145,7 +176,7 @@ RESOURCES: dict[str, type[IsoMessage]] = {
     "odometry": OdometryMessage,
     "localTrajectory": TrajectoryMessage,
     "globalPlan": PlanMessage,
-    "globalPath": IsoMessage,
+    "globalPath": WayMessage,
     "status": StatusMessage,
     "batteryStatus": BatteryMessage,
     "disconnection": IsoMessage,
@@ -155,6 +186,7 @@ REQUIRED: dict[str, tuple[str, ...]] = {
     "identity": ("manufacturer_name", "details"),
     "odometry": ("pose", "velocity"),
     "localTrajectory": ("local_trajectory",),
+    "globalPath": ("global_path",),
     "globalPlan": ("global_plan",),
     "status": ("named_states",),
     "batteryStatus": ("battery_soc",),
@@ -162,6 +194,7 @@ REQUIRED: dict[str, tuple[str, ...]] = {
 KEYS = {
     "manufacturer_name": "manufacturerName",
     "local_trajectory": "localTrajectory",
+    "global_path": "globalPath",
     "global_plan": "globalPlan",
     "named_states": "states",
     "battery_soc": "batterySoc",

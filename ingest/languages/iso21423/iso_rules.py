@@ -83,6 +83,8 @@ _WHERE_TO = (
         "localTrajectory",
     ),
     *path_rules("localTrajectory"),
+    Rule("trajectory-unreadable", "A global path is no clamped NURBS; not used.", "globalPath"),
+    Rule("trajectory-odd", "Knots misfit, or all weights are 0: read as left out.", "globalPath"),
     in_context(
         "path-outdated",
         "The trajectory is over 3 s old, and over, or not where the robot is; not followed.",

@@ -1,6 +1,6 @@
 """The status of a robot by its newest odometry, states, trajectory and plan."""
 
-from math import nan, pi, remainder
+from math import ceil, nan, pi, remainder
 from operator import lt
 
 from ingest.batch import Amounts
@@ -8,6 +8,7 @@ from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages import timestamps
 from ingest.languages.iso21423.iso_memory import IsoMemory, IsoPose
 from ingest.languages.iso21423.iso_messages import STATES, Speeds, TimedPoint
+from ingest.languages.iso21423.iso_way import along_way
 from ingest.languages.model import (
     MAX_POSITION,
     MAX_SPEED_MPS,
@@ -23,6 +24,7 @@ from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
 
 MOST_POINTS = 200
+"""Of a path with more points every second one is used, or every third, and so on, and the last one."""
 OUTDATED_S = 3.0
 """A trajectory should come once a second. One that is so much older than the pose is followed only while it goes on
 beside it."""
@@ -47,7 +49,7 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
     """The status. None before the robot has sent a pose."""
     if memory.pose is None:
         return None
-    stamp, pose, velocity = memory.pose
+    stamp, pose, velocity, _ = memory.pose
     at = pose.location_point
     yaw_rad = pose.orientation.yaw if pose.orientation else None
     if yaw_rad is None:
@@ -57,6 +59,7 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
     linear_mps = velocity.linear if velocity else None
     if linear_mps is not None and abs(linear_mps) > MAX_SPEED_MPS:
         findings["speed-absurd"], linear_mps = None, None
+    path, basis = along_way(memory, memory.pose, _followed(memory, memory.pose, findings))
     return Status(
         uuid,
         stamp.t_s,
@@ -73,8 +76,9 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         Amounts(nan if memory.battery_pct is None else memory.battery_pct),
         (),
         memory.plan,
-        _followed(memory, memory.pose, findings),
+        path,
         tuple(findings),
+        basis,
         is_blocked=not (BLOCKED.isdisjoint(memory.states) or _speed_mps(velocity) > DRIVES_MPS),
         is_lost="LOST" in memory.states,
         oddities=tuple(findings.oddities),
@@ -132,7 +136,10 @@ def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findin
     """Points under a key, with the robot's own times. A heading that is not told is the direction of travel."""
     rows: list[Row] = []
     datums: list[str] = []
-    for row, point in enumerate(points[:MOST_POINTS]):
+    each = ceil(len(points) / MOST_POINTS)
+    for row, point in enumerate(points):
+        if row % max(each, 1) and row < len(points) - 1:
+            continue
         at = point.location_point
         if abs(at.x) > MAX_POSITION or abs(at.y) > MAX_POSITION:
             findings["point-absurd"] = None

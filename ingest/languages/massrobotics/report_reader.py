@@ -19,6 +19,7 @@ from ingest.languages.massrobotics.json_objects import Extent, Report, value_typ
 from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
+from ingest.languages.tolerance.nesting import moved, unwrapped
 from ingest.languages.tolerance.spelling import folded, nearest
 from ingest.languages.tolerance.tolerant_json import parsed
 from ingest.languages.tolerance.value_kinds import object_kind
@@ -46,6 +47,8 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
 """Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
 NAMES_WITH_SIDES = NAMES_OF_THE_TEXT | {"length": ("x",), "width": ("y",), "height": ("z",)}
 """And other names of the sides of an envelope. A place has none: a height beside it is that of something else."""
+NEEDED = frozenset(("linear",))
+"""A key that the schema has as required, without which a velocity still says the rest."""
 TEXTS = ("timestamp", "operationalState", "manufacturerName", "robotModel", "robotSerialNumber")
 """Required texts without which a report still says the rest."""
 
@@ -55,7 +58,8 @@ def repaired_document(document: dict[str, Any], model: type[Report], findings: F
 
     What the report can't do without stays as it is if it can't be read.
     """
-    reader = ValueReader(findings, _other_names(model), keeps_others=True, most_items=MOST_POINTS_USED)
+    names, needed = _other_names(model), NEEDED
+    reader = ValueReader(findings, names, needed=needed, keeps_others=True, most_items=MOST_POINTS_USED)
     read, _ = reader.read(document, object_kind(struct_of(model)))
     for key in TEXTS:
         if key in model.model_fields and not isinstance(read.get(key), str):
@@ -123,12 +127,16 @@ def validated_report(raw: bytes, findings: Findings) -> IdentityReport | StatusR
 
 
 def _is_spelt_otherwise(report: Report) -> bool:
-    """Whether a key that is absent stands there in another spelling, in the report or in any part of it."""
+    """Whether a key that is absent stands in another spelling, or at another level, in the report or any part of it."""
     extra = report.__pydantic_extra__ or {}
     for key in extra:
         meant = meant_key(key, type(report))
         if meant and meant not in report.model_fields_set:
             return True
+    kind = object_kind(struct_of(type(report)))
+    sent = dict.fromkeys(report.model_fields_set) | extra
+    if extra and any(True for _ in moved(sent, kind, NEEDED, _other_names(type(report)))):
+        return True
     return any(_is_spelt_otherwise(part) for part, _ in parts_of(report))
 
 
@@ -151,6 +159,15 @@ def _parts(model: type[Report]) -> list[str]:
 def _repaired_report(raw: bytes, findings: Findings) -> IdentityReport | StatusReport:
     document = parsed(raw, findings)
     model = _model(document)
+    if model is None and (inner := unwrapped(document)) is not None:
+        model = _model(inner)
+        if model:
+            findings.note("nested-otherwise", "", None, "its only object")
+            document = inner
+    if model is None:
+        shown = json.dumps([key[:30] for key in sorted(document)[:5]])
+        reason = f"keys {shown} are of neither an identity report nor a status report"
+        raise RejectedError("report-unknown", reason, document.get("uuid"))
     repaired = repaired_document(document, model, findings)
     try:
         return model.model_validate(repaired)
@@ -186,10 +203,8 @@ def _plain(misfit: Mapping[str, Any]) -> str:
     )
 
 
-def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport]:
+def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport] | None:
     for model, keys in ((StatusReport, _STATUS_KEYS), (IdentityReport, _IDENTITY_KEYS)):
         if keys & document.keys() or any(meant_key(key, model) in keys for key in document):
             return model
-    shown = json.dumps([key[:30] for key in sorted(document)[:5]])
-    reason = f"keys {shown} are of neither an identity report nor a status report"
-    raise RejectedError("report-unknown", reason, document.get("uuid"))
+    return None

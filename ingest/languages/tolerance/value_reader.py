@@ -11,6 +11,7 @@ from operator import is_
 from typing import Any
 
 from ingest.languages.rules import MOST_ODDITIES, Findings
+from ingest.languages.tolerance.nesting import moved
 from ingest.languages.tolerance.spelling import folded, nearest
 from ingest.languages.tolerance.value_kinds import TIME_KEYS, UNKNOWN, KeyKind, Kind, ObjectKind, Words
 
@@ -46,7 +47,7 @@ class ValueReader:
         """The object with values of the right types, and whether it has all that it can't do without."""
         read: dict[str, Any] = {}
         if not kind.names.issuperset(sent):
-            sent = self._respelt(sent, kind, path)
+            sent = self._renested(self._respelt(sent, kind, path), kind, path)
         lacks = kind.required.difference(sent)
         for key, value in sent.items():
             known = kind.keys.get(key)
@@ -87,6 +88,17 @@ class ValueReader:
                 likenesses -= 1
                 self._note_likeness(key, sent, kind, path)
         return respelt
+
+    def _renested(self, sent: dict[str, Any], kind: ObjectKind, path: str) -> dict[str, Any]:
+        """The object with values that stand too deep or too flat where the schema has them."""
+        for key, value, keys_sent, is_too_deep in moved(sent, kind, self.needed, self.key_aliases):
+            sent = {name: each for name, each in sent.items() if name not in keys_sent}
+            sent |= value if is_too_deep else {key: value}
+            for name in sorted(value if is_too_deep else keys_sent):
+                where = _under(path, f"{key}.{name}" if is_too_deep else name)
+                reading = _under(path, name if is_too_deep else f"{key}.{name}")
+                self.findings.note("nested-otherwise", where, value.get(name), f"read as {reading}")
+        return sent
 
     def _note_likeness(self, key: str, sent: dict[str, Any], kind: ObjectKind, path: str) -> None:
         """Note a key that may be meant for one which is needed and absent."""
@@ -231,9 +243,10 @@ def digits(value: float) -> str:
 
 
 def number_of(text: str) -> float | None:
-    """The finite number that a text spells. None if it spells none."""
+    """The finite number that a text spells, also with a decimal comma. None if it spells none."""
+    spelt = text.replace(",", ".") if text.count(",") == 1 and "." not in text else text
     try:
-        number = float(text)
+        number = float(spelt)
     except ValueError:
         return None
     return number if isfinite(number) and "_" not in text else None

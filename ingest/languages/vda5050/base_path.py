@@ -24,17 +24,17 @@ from ingest.frames.assumed_motion import (
     turn_in_parts,
 )
 from ingest.frames.way_pieces import Nearest, nearest_place
-from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
-from ingest.languages.rules import Findings
-from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
-from ingest.languages.vda5050.seen.base_ends import speed_mps
-from ingest.languages.vda5050.seen.leg_ahead import leg_of
-from ingest.languages.vda5050.trajectories import (
+from ingest.languages.geometry.trajectories import (
     BEND_RAD,
     Polyline,
     curve_ahead,
     is_needless,
 )
+from ingest.languages.model import BESIDE_M, NO_PATH, Path, Row, datum_name
+from ingest.languages.rules import Findings
+from ingest.languages.vda5050.orders import NO_EDGE, Order, OrderEdge, OrderLeg, legs_of_state
+from ingest.languages.vda5050.seen.base_ends import speed_mps
+from ingest.languages.vda5050.seen.leg_ahead import leg_of
 from ingest.languages.vda5050.vda_memory import VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage, Velocity2d
 

@@ -1,7 +1,7 @@
 """Factsheets: who a robot is, how large, and how it can drive."""
 
+from ingest.languages.geometry.outlines import Outline, outline_of
 from ingest.languages.model import MAX_SPEED_MPS, MAX_TEXT, Identity
-from ingest.languages.outlines import Outline, outline_of
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.tolerant_json import time_of

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import msgspec
 
+from ingest.languages.geometry.trajectories import Curve, curve_to
 from ingest.languages.model import MAX_POSITION
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.order_numbers import edges_by_end, last_between, numbers_of, plain_id
-from ingest.languages.vda5050.trajectories import Curve, curve_to
 from ingest.languages.vda5050.vda_messages import Edge, NodePlace, NodeState, OrderMessage, StateMessage, VdaNode
 
 MOST_NODES = 3000

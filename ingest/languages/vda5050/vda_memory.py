@@ -4,6 +4,7 @@ from math import isnan
 
 import msgspec
 
+from ingest.languages.geometry.trajectories import Curve
 from ingest.languages.model import NO_PATH, Path
 from ingest.languages.timestamps import Stamp
 from ingest.languages.tolerance.heard import Heard
@@ -13,7 +14,6 @@ from ingest.languages.vda5050.seen.known_ways import KnownWays
 from ingest.languages.vda5050.seen.line_guided import Along
 from ingest.languages.vda5050.seen.travels import OBSERVABLE_S, Travel
 from ingest.languages.vda5050.seen.visualized_maps import VisualizedMap
-from ingest.languages.vda5050.trajectories import Curve
 from ingest.languages.vda5050.vda_messages import Position, StateMessage, Velocity2d
 
 

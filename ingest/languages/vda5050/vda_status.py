@@ -8,6 +8,7 @@ from typing import NamedTuple
 from ingest.batch import Amounts, Basis
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS
 from ingest.languages import timestamps
+from ingest.languages.geometry.trajectories import Curve, curve_of
 from ingest.languages.model import (
     MAX_POSITION,
     MAX_SPEED_MPS,
@@ -25,7 +26,6 @@ from ingest.languages.tolerance.tolerant_json import time_of
 from ingest.languages.vda5050.base_path import NO_DRIVE, OrderedDrive, drive, order_by
 from ingest.languages.vda5050.orders import is_released, states_ahead
 from ingest.languages.vda5050.seen.base_ends import speed_mps
-from ingest.languages.vda5050.trajectories import Curve, curve_of
 from ingest.languages.vda5050.vda_memory import Plans, VdaMemory, VdaPose
 from ingest.languages.vda5050.vda_messages import (
     IntermediatePath,

@@ -8,10 +8,10 @@ from typing import TypeVar
 import msgspec
 
 from ingest.frames.way_pieces import nearest_place
+from ingest.languages.geometry.trajectories import curve_ahead
 from ingest.languages.model import BESIDE_M
 from ingest.languages.vda5050.order_numbers import plain_id
 from ingest.languages.vda5050.orders import MOST_NODES, NO_EDGE, Order, OrderEdge, OrderNode
-from ingest.languages.vda5050.trajectories import curve_ahead
 from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage
 
 Found = TypeVar("Found")

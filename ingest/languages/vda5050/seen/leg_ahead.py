@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from ingest.frames.angles import turn_between
 from ingest.frames.way_pieces import nearest_place
+from ingest.languages.geometry.trajectories import Point, curve_ahead, is_in_box
 from ingest.languages.model import BESIDE_M, Row
 from ingest.languages.vda5050.orders import OrderLeg
-from ingest.languages.vda5050.trajectories import Point, curve_ahead, is_in_box
 from ingest.languages.vda5050.vda_messages import NodePlace, Position
 
 MOST_LEGS = 150

@@ -6,11 +6,11 @@ from math import atan2, hypot, isfinite, isnan, nan, pi, remainder
 
 import msgspec
 
+from ingest.languages.geometry.trajectories import Point, curve_ahead
 from ingest.languages.rules import Findings
 from ingest.languages.vda5050.orders import Order, legs_of_state
 from ingest.languages.vda5050.seen.base_ends import speed_mps
 from ingest.languages.vda5050.seen.known_ways import KnownWays
-from ingest.languages.vda5050.trajectories import Point, curve_ahead
 from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage
 
 AT_NODE_M = 0.1

@@ -20,16 +20,12 @@ from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda, visualization
-from tests.ingest.fleet.made_fleet import LINE, NOW_S, counted, document, fleet
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, at, counted, document, fleet, hall
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
 Pose = tuple[float, float, float]
 """x_m, y_m, yaw_rad"""
 LIMIT = {"physicalParameters": {"length": 1.2, "width": 0.8, "speedMax": 2.0}}
-
-
-def hall() -> Fleet:
-    return fleet(datums=(Datum(id=MAP, name="Hall"), Datum(id=HALL, name="Other hall")))
 
 
 def drive(
@@ -45,14 +41,6 @@ def drive(
         raw = under_way(NOW_S + s, x, 0.0, FAR[1:], serialNumber=serial, velocity=velocity)
         of.receive(raw, NOW_S + s, line("state", serial))
     return next(each for each in of.robots.values() if each.serial == serial)
-
-
-def at(forecast: Forecast | None, t_s: float) -> tuple[float, float, float]:
-    """x, y and yaw at a time."""
-    assert forecast is not None
-    knots = np.array(forecast.knots)
-    x, y = (float(np.interp(t_s, knots[:, 0], knots[:, column])) for column in (1, 2))
-    return x, y, float(np.interp(t_s, knots[:, 0], np.unwrap(knots[:, 3])))
 
 
 @pytest.mark.parametrize("tells_speed", [True, False])

@@ -58,7 +58,7 @@ def test_a_robot_stands_that_does_not_move_whatever_speed_it_sends(
 
 def test_a_place_that_is_renewed_every_few_seconds_does_not_stop_the_robot_between() -> None:
     made = in_massrobotics(lambda t_s: t_s // 4 * 4.0, seconds=23.0, every_s=1.0, mps=1.0)
-    assert x_at(made.forecast, NOW_S + 33) == pytest.approx(30.0)
+    assert x_at(made.forecast, NOW_S + 33) == pytest.approx(33.0)
     made = in_massrobotics(lambda t_s: min(t_s, 23.0) // 4 * 4.0, seconds=40.0, every_s=1.0, mps=1.0)
     assert x_at(made.forecast, NOW_S + 50) == pytest.approx(20.0)
 

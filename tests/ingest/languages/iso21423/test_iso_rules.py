@@ -6,6 +6,7 @@ import pytest
 
 from ingest.languages.iso21423.iso_rules import RULES
 from ingest.languages.model import Rejection
+from ingest.languages.timestamps import write
 from tests.helpers.iso_saying import at, identity, iso, odometry, points, states, trajectory
 from tests.ingest.languages.iso21423.made_iso import IsoListener, T
 
@@ -34,12 +35,16 @@ def stamped(text: str, findings: tuple[str, ...], rejected: str | None = None) -
     return IsoVector("odometry", changed(timestamp=text), findings, rejected)
 
 
+WAY = {"degree": 2, "controlPoints": [{"locationPoint": at(x, 0.0)} for x in (0.0, 5.0, 9.0)]}
 VECTORS = (
     IsoVector("odometry", odometry(T)),
     IsoVector("identity", identity(T)),
     IsoVector("footprint", iso(T, footprint=[{"x": 1.0, "y": 0.0}, {"x": 0.0, "y": 1.0}, {"x": -1.0, "y": 0.0}])),
     IsoVector("status", states(T, "MODE_AUTO", "FORWARD")),
-    IsoVector("globalPath", iso(T)),
+    IsoVector("globalPath", iso(T), ("key-absent",)),
+    IsoVector("globalPath", iso(T, globalPath=WAY)),
+    IsoVector("globalPath", iso(T, globalPath=WAY | {"degree": 5}), ("trajectory-unreadable",)),
+    IsoVector("globalPath", iso(T, globalPath=WAY | {"knots": [0, 1]}), ("trajectory-odd",)),
     IsoVector("disconnection", iso(T, states=["LOST_CONNECTION"])),
     IsoVector("request", iso(T), rejected="topic-unknown"),
     IsoVector("odometry", b"\xff\xfe", rejected="not-utf8"),
@@ -56,6 +61,11 @@ VECTORS = (
     IsoVector("identity", identity(T, imrFootprint=BOW_TIE), ("outline-not-usable",)),
     IsoVector("status", iso(T), ("key-absent", "mode-missing")),
     IsoVector("batteryStatus", iso(T, batterySoc="0.5"), ("number-as-text",)),
+    IsoVector("batteryStatus", iso(T, batterySoc="0,5"), ("number-as-text",)),
+    IsoVector("odometry", iso(T, odometry=json.loads(odometry(T))), ("nested-otherwise",)),
+    IsoVector("odometry", changed(pose=at(0.0, 0.0, yaw=0.0)), ("nested-otherwise",)),
+    IsoVector("odometry", iso(T, **at(0.0, 0.0), yaw=0.0, linear=0.5, angular=0.0), ("nested-otherwise",)),
+    IsoVector("localTrajectory", iso(T, localTrajectory=[at(0.0, 0.0, timestamp=write(T))]), ("nested-otherwise",)),
     IsoVector("odometry", changed(velocity="fast"), ("value-unreadable", "key-absent")),
     stamped("soon", ("stamp-unreadable",)),
     stamped("1960-01-01T00:00:00Z", ("stamp-absurd",)),

@@ -18,7 +18,7 @@ import shapely
 from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way
 from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import ImportedPlan, Node, PlanError, Spot, UnusedParts, unused
-from ingest.languages.vda5050.trajectories import polyline
+from ingest.languages.geometry.trajectories import polyline
 from ingest.languages.vda5050.vda_messages import Trajectory
 
 Table = Mapping[str, Any]

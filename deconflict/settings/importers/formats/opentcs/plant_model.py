@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from deconflict.settings.importers.formats.directed_ways import Floor, PlanGraph, Way
 from deconflict.settings.importers.formats.location_uses import use_of
 from deconflict.settings.importers.plan import Block, ImportedPlan, Node, PlanError, Spot, UnusedParts, Use, unused
-from ingest.languages.vda5050.trajectories import polyline
+from ingest.languages.geometry.trajectories import polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
 
 MAP = "vda5050:mapId"

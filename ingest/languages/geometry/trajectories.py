@@ -1,17 +1,16 @@
-"""Trajectories of VDA 5050: NURBS curves, as polylines."""
+"""Curves of messages, which are NURBS, as polylines."""
 
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import atan2, hypot, isfinite
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ingest.frames.way_pieces import nearest_piece
 from ingest.languages.model import BESIDE_M
 from ingest.languages.rules import Findings
-from ingest.languages.vda5050.vda_messages import NodePlace, Trajectory
 
 MOST_DEGREE, MOST_CONTROL_POINTS = 10, 500
 SPACING_M = 0.3
@@ -27,6 +26,33 @@ Point = tuple[float, float]
 Polyline = tuple[Point, ...]
 
 
+class SentPlace(Protocol):
+    """A place in a message."""
+
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+
+
+class SentControlPoint(SentPlace, Protocol):
+    """A control point in a message."""
+
+    @property
+    def weight(self) -> float | None: ...
+
+
+class SentCurve(Protocol):
+    """A curve in a message."""
+
+    @property
+    def control_points(self) -> Sequence[SentControlPoint]: ...
+    @property
+    def degree(self) -> int | None: ...
+    @property
+    def knot_vector(self) -> list[float] | None: ...
+
+
 class Curve(NamedTuple):
     """A clamped NURBS."""
 
@@ -37,8 +63,8 @@ class Curve(NamedTuple):
     """(n,) x, y and weight of each control point."""
 
 
-def curve_of(trajectory: Trajectory, findings: Findings) -> Curve | None:
-    """The curve of a trajectory. None, which is counted, if it is no clamped NURBS."""
+def curve_of(trajectory: SentCurve, findings: Findings, key: str = "trajectory") -> Curve | None:
+    """The curve of a trajectory under a key. None, which is counted, if it is no clamped NURBS."""
     degree = trajectory.degree if trajectory.degree is not None else 1
     corners = [(point.x, point.y) for point in trajectory.control_points]
     weights = [1.0 if point.weight is None else point.weight for point in trajectory.control_points]
@@ -47,17 +73,17 @@ def curve_of(trajectory: Trajectory, findings: Findings) -> Curve | None:
         corners = _thinned(corners)
         weights = [1.0] * len(corners)
     elif not any(weights):
-        findings.note("trajectory-odd", "trajectory.controlPoints[0].weight", 0.0, "1 for all")
+        findings.note("trajectory-odd", f"{key}.controlPoints[0].weight", 0.0, "1 for all")
         weights = [1.0] * len(corners)
     is_long_enough = 1 <= degree <= MOST_DEGREE and degree < len(corners) <= MOST_CONTROL_POINTS
     if not (is_on_earth and is_long_enough and all(1e-9 < weight < 1e9 for weight in weights)):
         findings["trajectory-unreadable"] = None
         return None
-    knots = _knots(trajectory.knot_vector or [], len(corners), degree, findings) if degree > 1 else ()
+    knots = _knots(trajectory.knot_vector or [], len(corners), degree, findings, key) if degree > 1 else ()
     return Curve(degree, knots, tuple((*corner, weight) for corner, weight in zip(corners, weights, strict=True)))
 
 
-def curve_to(end: NodePlace | None, trajectory: Trajectory, findings: Findings) -> Curve | None:
+def curve_to(end: SentPlace | None, trajectory: SentCurve, findings: Findings) -> Curve | None:
     """The curve of an edge that leads to a node. One that leads from there is turned round, which is counted."""
     curve = curve_of(trajectory, findings)
     if curve is None or end is None:
@@ -69,7 +95,7 @@ def curve_to(end: NodePlace | None, trajectory: Trajectory, findings: Findings) 
     return Curve(curve.degree, tuple(-knot for knot in reversed(curve.knots)), curve.points[::-1])
 
 
-def polyline(trajectory: Trajectory) -> Polyline | None:
+def polyline(trajectory: SentCurve) -> Polyline | None:
     """Points along a trajectory, from its first control point to its last. None if it is no clamped NURBS."""
     curve = curve_of(trajectory, Findings())
     return sampled(curve) if curve else None
@@ -95,13 +121,13 @@ def _on_earth(x: float, y: float) -> bool:
     return abs(x) < 1e7 and abs(y) < 1e7
 
 
-def _knots(sent: list[float], points: int, degree: int, findings: Findings) -> tuple[float, ...]:
+def _knots(sent: list[float], points: int, degree: int, findings: Findings, key: str) -> tuple[float, ...]:
     """The knots. () if none were sent, or if those that were do not fit the points, which is counted."""
     fits = len(sent) == points + degree + 1 and all(map(isfinite, sent)) and all(a <= b for a, b in pairwise(sent))
     if fits and sent[degree] < sent[points]:
         return tuple(sent)
     if sent:
-        findings.note("trajectory-odd", "trajectory.knotVector", sent, "as if there were none")
+        findings.note("trajectory-odd", f"{key}.knotVector", sent, "as if there were none")
     return ()
 
 

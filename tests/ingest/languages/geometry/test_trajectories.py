@@ -6,11 +6,11 @@ import pytest
 
 from ingest.batch import Basis
 from ingest.frames.assumed_motion import ASSUMED_TURN_RADPS
+from ingest.languages.geometry import trajectories
+from ingest.languages.geometry.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.model import NO_PATH
 from ingest.languages.rules import Findings
 from ingest.languages.timestamps import write
-from ingest.languages.vda5050 import trajectories
-from ingest.languages.vda5050.trajectories import MOST_POINTS, curve_of, polyline
 from ingest.languages.vda5050.vda_messages import ControlPoint, Trajectory
 from tests.helpers.vda_saying import edge, factsheet, node, order, state, under_way
 from tests.ingest.languages.vda5050.made_vda import Listener, T

@@ -1,0 +1,1 @@
+"""Curves and outlines as messages draw them."""
