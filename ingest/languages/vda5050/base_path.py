@@ -67,10 +67,10 @@ NO_DRIVE = OrderedDrive(NO_PATH, NO_PATH)
 
 def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findings) -> OrderedDrive:
     """The path along the order, and the ends of base and horizon as destinations."""
-    walk, legs, passed = _Walk(memory, pose), _legs_ahead(memory, state, findings), _passed_place(memory, state)
+    walk, legs = _Walk(memory, pose), _legs_ahead(memory, state, findings)
     if walk.plan and not any(leg.place for leg in legs):
         legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
-    row = walk.leg_on(legs, state.position, passed)
+    row = walk.leg_on(legs, state.position, _passed_place(memory, state))
     if row and state.position and (state.position.x, state.position.y) == (pose.position.x, pose.position.y):
         findings["node-passed"] = None
     legs = legs[row or 0 :]

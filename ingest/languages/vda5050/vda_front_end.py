@@ -164,13 +164,7 @@ def _read_motion(
     signed_off = memory.heard.get("connection")
     if not (signed_off and stamp.t_s <= signed_off.stamp_s):
         after = msgspec.structs.replace(after, connection="ONLINE")
-    visualized = after.visualized
-    if not isinstance(message, StateMessage):
-        visualized = visualized.after_visualization(own_stamp.t_s, position)
-    after = msgspec.structs.replace(after, visualized=visualized)
-    position = _on_known_map(position, message, after, findings)
-    if isinstance(message, StateMessage):
-        after = msgspec.structs.replace(after, visualized=visualized.after_state(own_stamp.t_s, position))
+    position, after = _on_its_map(position, message, own_stamp.t_s, after, findings)
     was_at = memory.pose.position if memory.pose else None
     filled, position, velocity = filled_in(after.filled, topic.kind, position, message.velocity, was_at)
     path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
@@ -217,6 +211,17 @@ def _position(
         return position, along
     findings.note("position-missing", key, None if position is None else "0, 0", "where it was last seen")
     return None, along
+
+
+def _on_its_map(
+    position: Position, message: VdaMotion, t_s: float, memory: VdaMemory, findings: Findings
+) -> tuple[Position, VdaMemory]:
+    """The position on the map that is meant, and the memory with what it shows of the names of maps."""
+    if isinstance(message, StateMessage):
+        position = _on_known_map(position, message, memory, findings)
+        return position, msgspec.structs.replace(memory, visualized=memory.visualized.after_state(t_s, position))
+    memory = msgspec.structs.replace(memory, visualized=memory.visualized.after_visualization(t_s, position))
+    return _on_known_map(position, message, memory, findings), memory
 
 
 def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, findings: Findings) -> Position:

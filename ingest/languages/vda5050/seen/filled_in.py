@@ -11,7 +11,7 @@ from ingest.languages.vda5050.vda_messages import Position, Velocity2d
 HEADING, VELOCITY = "heading", "velocity"
 
 
-class Motion(NamedTuple):
+class FilledIn(NamedTuple):
     """What a message says, without zeros that are not filled in."""
 
     filled: frozenset[tuple[str, str]]
@@ -26,7 +26,7 @@ def filled_in(
     position: Position,
     velocity: Velocity2d | None,
     before: Position | None,
-) -> Motion:
+) -> FilledIn:
     """The motion that a message of a kind says, after those by which `filled` is known.
 
     A robot that has hardly moved since it was at `before` heads as it did there, else where it drives.
@@ -40,7 +40,7 @@ def filled_in(
         filled |= {(kind, VELOCITY)}
     elif velocity and _is_left_out(filled, kind, VELOCITY):
         velocity = None
-    return Motion(filled, position, velocity)
+    return FilledIn(filled, position, velocity)
 
 
 def _is_left_out(filled: frozenset[tuple[str, str]], kind: str, part: str) -> bool:

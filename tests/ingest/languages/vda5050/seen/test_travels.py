@@ -43,13 +43,13 @@ def test_noise_of_a_position_near_a_node_is_no_corner(place: tuple[float, float]
 @pytest.mark.parametrize("kind", ["state", "visualization"])
 def test_zeros_of_one_topic_do_not_move_a_robot_that_the_other_shows_elsewhere(kind: str, keys: dict[str, Any]) -> None:
     zeros = {"agvPosition": position(0.0, 0.0, **keys)}
-    said = {"state": state, "visualization": visualization}
+    report_of = {"state": state, "visualization": visualization}
     other = "visualization" if kind == "state" else "state"
     listener = Listener()
-    listener.hears(other, said[other](T, 20.0, 10.0))
-    ignored = listener.hears(kind, said[kind](T + 1, 20.0, 10.0, **zeros))
+    listener.hears(other, report_of[other](T, 20.0, 10.0))
+    ignored = listener.hears(kind, report_of[kind](T + 1, 20.0, 10.0, **zeros))
     assert isinstance(ignored, Update)
     assert ignored.findings == ("position-missing",)
-    assert listener.status_after((kind, said[kind](T + 60, 20.0, 10.0, **zeros))).x == 0.0, "it says nothing else"
-    near = listener.status_after((other, said[other](T + 61, 1.0, 0.5)), (kind, said[kind](T + 62, 0.0, 0.0)))
+    assert listener.status_after((kind, report_of[kind](T + 60, 20.0, 10.0, **zeros))).x == 0.0, "it says nothing else"
+    near = listener.status_after((other, report_of[other](T + 61, 1.0, 0.5)), (kind, report_of[kind](T + 62, 0.0, 0.0)))
     assert (near.x, near.y) == (0.0, 0.0)
