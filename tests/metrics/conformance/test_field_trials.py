@@ -57,8 +57,10 @@ def test_what_is_absent_odd_or_wrong_is_what_the_code_does() -> None:
     status, state = sample_of("massrobotics", "statusReport"), sample_of("vda5050", "state (2.x)")
     assert "no robot" not in str(trials("vda5050", state, ("agvPosition",)))
     absent = ways(trials("vda5050", state, ("agvPosition",))["absent"])["absent"]
-    assert absent.startswith("counted: position-missing")
-    assert absent.endswith("; no position")
+    assert absent.startswith("counted: position-by-node")
+    visualization = sample_of("vda5050", "visualization")
+    absent = ways(trials("vda5050", visualization, ("agvPosition",))["absent"])["absent"]
+    assert absent.startswith("counted: position-missing (where it was last seen)")
     assert "rejected: position-absurd" in trials("vda5050", state, ("agvPosition", "x"))["wrong"]
     uuid = trials("massrobotics", status, ("uuid",))
     assert ways(uuid["absent"])["absent"].startswith("rejected: ")
