@@ -7,6 +7,7 @@ import pytest
 
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.prediction.forecast_model import Forecast
+from ingest.fleet.prediction.pace import ObservedSpeeds
 from ingest.fleet.robot import Robot
 from ingest.settings import Datum
 from tests.helpers.saying import HALL, robot, status
@@ -97,3 +98,11 @@ def test_a_robot_that_waits_by_its_words_and_drives_follows_its_order(keys: dict
     assert made.forecast is not None
     assert made.forecast.knots[-1][1:3] == (6.0, 0.0)
     assert len(made.stops) == 0
+
+
+def test_observed_speeds_count_by_how_long_they_lasted() -> None:
+    """A robot with a state each five seconds, and on events while it starts and brakes."""
+    speeds = ObservedSpeeds(30.0, 0.5)
+    for lasted_s, mps in ((0.5, 0.2), (0.5, 0.3), (5.0, 0.8), (5.0, 0.8), (0.5, 0.3), (0.5, 0.2), (0.5, 0.2)):
+        speeds.add(lasted_s, mps)
+    assert speeds.usual == 0.8
