@@ -214,6 +214,20 @@ ISO_SAMPLES = (
         before=("identity", "odometry"),
     ),
     Sample(
+        "globalPath",
+        {
+            "timestamp": 0.0,
+            "globalPath": {
+                "degree": 1,
+                "controlPoints": [
+                    {"locationPoint": {"ccsId": FLOOR, "x": x, "y": 0.0, "z": 0.0}, "weight": 1.0} for x in (0.0, 20.0)
+                ],
+                "knots": [0.0, 0.0, 1.0, 1.0],
+            },
+        },
+        before=("identity", "odometry"),
+    ),
+    Sample(
         "status", {"timestamp": 0.0, "states": ["MODE_AUTOMATIC", "MOTION_DRIVING"]}, before=("identity", "odometry")
     ),
     Sample("batteryStatus", {"timestamp": 0.0, "batterySoc": 0.8}, before=("identity", "odometry")),

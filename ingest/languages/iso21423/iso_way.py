@@ -1,7 +1,7 @@
 """The way that a robot told without times, as it drives along it at its own pace."""
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import accumulate, islice, pairwise
 from math import atan2, hypot, inf, isnan, nan, pi, remainder
 
 from ingest.batch import Basis
@@ -25,6 +25,8 @@ MOVED_M = 0.05
 """A robot that sends no speed drives if it has moved so far since its last pose."""
 SHOWS_S = 0.9
 """A part of a path that lasts so long shows a speed."""
+MOST_PIECES = 150
+"""A path goes on along a way for so many pieces."""
 Piece = tuple[float, float, float, float]
 """x, y and yaw at its end, and how long a turn on the spot takes in seconds; 0 if it is driven."""
 
@@ -56,7 +58,8 @@ def along_way(memory: IsoMemory, pose: IsoPose, path: Path) -> tuple[Path, Basis
     if path is not NO_PATH:
         return _beyond(path, memory.way, here, abs(linear_mps)), Basis.PATH
     ahead = curve_ahead(memory.way.curve, (at.x, at.y)) if pose.moves else ()
-    pieces = list(_pieces(here, ahead, backwards_rad=pi if linear_mps < -DRIVES_MPS else 0.0))
+    backwards_rad = pi if linear_mps < -DRIVES_MPS else 0.0
+    pieces = list(islice(_pieces(here, ahead, backwards_rad=backwards_rad), MOST_PIECES))
     return (_paced(pieces, here[0]), Basis.ORDER) if pieces else (path, Basis.PATH)
 
 
@@ -64,14 +67,14 @@ def _beyond(path: Path, way: IsoWay, here: Row, now_mps: float) -> Path:
     """A path with how it goes on along a way. One that ends in a stop does so where the way has a corner."""
     ahead_s = [row for row in path.poses if row[0] > here[0]]
     rows = [here, *ahead_s]
-    speeds = [_mps(rows[: end + 1]) for end in range(1, len(rows))]
-    if not (path.in_order and speeds):
+    if not (path.in_order and ahead_s):
         return path
-    is_stop, (_, x, y, _) = speeds[-1] <= DRIVES_MPS, rows[-1]
+    speeds, (_, x, y, _) = _speeds_mps(rows), rows[-1]
+    is_stop = speeds[-1] <= DRIVES_MPS
     mps = max(*speeds, now_mps) if is_stop else speeds[-1]
     heading_rad = next((_direction_rad(a, b) for a, b in pairwise(reversed(rows)) if _length_m(a, b) > MOVED_M), nan)
     end = (*rows[-1][:3], heading_rad if isnan(rows[-1][3]) else rows[-1][3])
-    pieces = list(_pieces(end, curve_ahead(way.curve, (x, y)), backwards_rad=0.0))
+    pieces = list(islice(_pieces(end, curve_ahead(way.curve, (x, y)), backwards_rad=0.0), MOST_PIECES))
     has_corner = pieces and pieces[0][3] > 0.0
     return _joined(path, pieces, mps) if pieces and mps > DRIVES_MPS and (has_corner or not is_stop) else path
 
@@ -84,11 +87,15 @@ def _length_m(before: Row, after: Row) -> float:
     return hypot(after[1] - before[1], after[2] - before[2])
 
 
-def _mps(rows: Sequence[Row]) -> float:
-    """The speed at the end of rows (r, 4) in the order of their times."""
-    begin = next((row for row in reversed(range(len(rows) - 1)) if rows[-1][0] - rows[row][0] >= SHOWS_S), 0)
-    length_m = sum(_length_m(before, after) for before, after in pairwise(rows[begin:]))
-    return length_m / max(rows[-1][0] - rows[begin][0], LEAST_STEP_S)
+def _speeds_mps(rows: Sequence[Row]) -> list[float]:
+    """The speed at each of the rows (r, 4), in the order of their times, but the first."""
+    gone_m = list(accumulate((_length_m(before, after) for before, after in pairwise(rows)), initial=0.0))
+    speeds, begin = [], 0
+    for end in range(1, len(rows)):
+        while begin + 1 < end and rows[end][0] - rows[begin + 1][0] >= SHOWS_S:
+            begin += 1
+        speeds.append((gone_m[end] - gone_m[begin]) / max(rows[end][0] - rows[begin][0], LEAST_STEP_S))
+    return speeds
 
 
 def _pieces(start: Row, ahead: Sequence[Point], *, backwards_rad: float) -> Iterator[Piece]:

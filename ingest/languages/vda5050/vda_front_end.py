@@ -166,7 +166,9 @@ def _read_motion(
         after = msgspec.structs.replace(after, connection="ONLINE")
     position, after = _on_its_map(position, message, own_stamp.t_s, after, findings)
     was_at = memory.pose.position if memory.pose else None
-    filled, position, velocity = filled_in(after.filled, topic.kind, position, message.velocity, was_at)
+    stands = isinstance(message, StateMessage) and message.driving is False
+    moves = topic.kind, position, message.velocity
+    filled, position, velocity = filled_in(after.filled, *moves, was_at, says_standing=stands)
     path, plan = newest_plans(after.plans, topic.kind, stamp.t_s, position)
     travel = travel_to(memory.pose.travel if memory.pose else None, own_stamp.t_s, position)
     pose = VdaPose(own_stamp, position, velocity, path, plan, travel, along)
@@ -181,7 +183,7 @@ def _with_state(memory: VdaMemory, state: StateMessage) -> dict[str, Any]:
     changes = {"state": state, "orders": orders, "outdated": outdated, "unheard": None}
     changes |= {"is_order_newer": False, "connection": "ONLINE"}
     changes["lists_nodes"] = memory.lists_nodes or bool(state.node_states)
-    if any(node.node_position for node in state.node_states or ()):
+    if not orders and any(node.node_position for node in state.node_states or ()):
         ahead = (node.node_position for node in state.node_states or ())
         changes["are_headings_default"] = are_default(memory.are_headings_default, ahead, Findings())
     if order_by(msgspec.structs.replace(memory, **changes), state) is None:

@@ -26,6 +26,8 @@ def filled_in(
     position: Position,
     velocity: Velocity2d | None,
     before: Position | None,
+    *,
+    says_standing: bool,
 ) -> FilledIn:
     """The motion that a message of a kind says, after those by which `filled` is known.
 
@@ -38,7 +40,7 @@ def filled_in(
         position = replace(position, theta=before.theta if before and stays else None)
     if velocity and any((velocity.vx, velocity.vy, velocity.omega)):
         filled |= {(kind, VELOCITY)}
-    elif velocity and _is_left_out(filled, kind, VELOCITY):
+    elif velocity and not says_standing and _is_left_out(filled, kind, VELOCITY):
         velocity = None
     return FilledIn(filled, position, velocity)
 

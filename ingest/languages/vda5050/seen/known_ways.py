@@ -9,9 +9,9 @@ import msgspec
 
 from ingest.frames.way_pieces import nearest_place
 from ingest.languages.geometry.trajectories import curve_ahead
-from ingest.languages.model import BESIDE_M
+from ingest.languages.model import BESIDE_M, datum_name
 from ingest.languages.vda5050.order_numbers import plain_id
-from ingest.languages.vda5050.orders import MOST_NODES, NO_EDGE, Order, OrderEdge, OrderNode
+from ingest.languages.vda5050.orders import MOST_CURVE_POINTS, MOST_NODES, NO_EDGE, Order, OrderEdge, OrderNode
 from ingest.languages.vda5050.vda_messages import NodePlace, Position, StateMessage
 
 Found = TypeVar("Found")
@@ -31,9 +31,9 @@ class KnownWays(msgspec.Struct, frozen=True, gc=False):
         """With an order. If it has known nodes elsewhere, ids say nothing of places: only its own nodes count then."""
         places = {node.node_id: node.place for node in order.nodes.values() if node.node_id and node.place}
         both = places.keys() & self.places.keys()
-        if any(_apart_m(self.places[node_id], places[node_id]) > BESIDE_M for node_id in both):
+        if not all(_is_same(self.places[node_id], places[node_id]) for node_id in both):
             return KnownWays(places, _edges(order))
-        return KnownWays(_newest(self.places | places), _newest(self.edges | _edges(order)))
+        return KnownWays(_newest(self.places | places), _with_newest_curves(_newest(self.edges | _edges(order))))
 
     def place(self, node_id: str | None) -> NodePlace | None:
         return self.places.get(plain_id(node_id or ""))
@@ -50,7 +50,7 @@ class KnownWays(msgspec.Struct, frozen=True, gc=False):
             last, first = (order.nodes.get(each) for each in (order.passed_by(state), states[0].sequence_id))
             if last and first and last.place and first.place:
                 known, edge = self.places.get(last.node_id), order.edges.get(states[0].sequence_id, NO_EDGE)
-                is_stable = known is not None and _apart_m(known, last.place) <= BESIDE_M
+                is_stable = known is not None and _is_same(known, last.place)
                 says_place = position is not None and not position.is_lost
                 if _is_beside(position, last.place, edge, first.place) if position and says_place else is_stable:
                     return order
@@ -97,12 +97,29 @@ def _newest(found: dict[str, Found]) -> dict[str, Found]:
     return found if len(found) <= MOST_NODES else dict(list(found.items())[-MOST_NODES:])
 
 
-def _apart_m(a: NodePlace, b: NodePlace) -> float:
-    return dist((a.x, a.y), (b.x, b.y))
+def _with_newest_curves(edges: dict[str, OrderEdge]) -> dict[str, OrderEdge]:
+    """Edges of which the newest have curves: as many control points as an order may have. Others count as straight."""
+    left, kept = MOST_CURVE_POINTS, dict[str, OrderEdge]()
+    for key, edge in reversed(edges.items()):
+        left -= len(edge.curve.points) if edge.curve else 0
+        kept[key] = edge if left >= 0 or edge.curve is None else msgspec.structs.replace(edge, curve=None)
+    return dict(reversed(kept.items()))
+
+
+def _is_same(a: NodePlace, b: NodePlace) -> bool:
+    """Whether two places of a node are one."""
+    return _is_on_map(a.map_id, b) and dist((a.x, a.y), (b.x, b.y)) <= BESIDE_M
+
+
+def _is_on_map(map_id: str | None, place: NodePlace) -> bool:
+    """Whether a place may be on a map. One that names no map may be on any."""
+    return not (map_id and place.map_id) or datum_name(map_id) == datum_name(place.map_id)
 
 
 def _is_beside(position: Position, last: NodePlace, edge: OrderEdge, first: NodePlace) -> bool:
     """Whether a robot is on the edge between two nodes."""
+    if not (_is_on_map(position.map_id, last) and _is_on_map(position.map_id, first)):
+        return False
     start = last.x, last.y
     way = start, *curve_ahead(edge.curve, start), (first.x, first.y)
     return nearest_place(way, position.x, position.y).away_m <= BESIDE_M

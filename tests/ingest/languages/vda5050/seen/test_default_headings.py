@@ -49,3 +49,10 @@ def test_a_robot_that_drives_in_any_direction_keeps_theta_0() -> None:
     report = ("state", under_way(T, 0.0, 0.0, nodes[1:], theta=0.0))
     path = Listener().status_after(abilities, ("order", order(T, nodes)), report).path
     assert {row[3] for row in path.poses} == {0.0}
+
+
+def test_one_station_with_theta_0_is_meant_also_after_the_others_of_its_way_were_passed() -> None:
+    meant = [ACROSS[0], *with_theta(ACROSS[1:2], 0.0), *ACROSS[2:]]
+    report = ("state", under_way(T, 0.0, 0.0, meant[1:]))
+    path = Listener().status_after(("order", order(T, meant)), report).path
+    assert path.ends_s[1] - T == pytest.approx(13.0 + 4 * pi / 2, abs=0.1)

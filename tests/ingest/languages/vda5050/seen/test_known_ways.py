@@ -1,9 +1,14 @@
 """States that name an order which was not heard."""
 
+import msgspec
 import pytest
 
+from ingest.languages.geometry.trajectories import Curve
 from ingest.languages.model import NO_PATH
-from tests.helpers.vda_saying import edge, node, order, under_way
+from ingest.languages.vda5050.orders import MOST_CURVE_POINTS, NO_EDGE, Order, OrderNode
+from ingest.languages.vda5050.seen.known_ways import KnownWays
+from ingest.languages.vda5050.vda_messages import NodePlace
+from tests.helpers.vda_saying import edge, node, order, position, under_way
 from tests.ingest.languages.vda5050.made_vda import Listener, T
 
 NODES = [node(0, 0.0), node(1, 10.0), node(2, 10.0, 8.0), node(3, 10.0, 16.0)]
@@ -47,3 +52,21 @@ def test_nodes_before_those_of_an_update_remain_also_if_nobody_released_them() -
     released = [{**each, "released": True} for each in unreleased]
     status = Listener().status_after(*orders, ("state", under_way(T + 3, 2.0, 0.0, released[1:])))
     assert [row[1:3] for row in status.path.poses][-1] == (10.0, 16.0)
+
+
+def test_nodes_of_another_floor_are_not_those_of_a_lost_order() -> None:
+    upstairs = [{**each, "nodePosition": each["nodePosition"] | {"mapId": "f2"}} for each in NODES]
+    lost = under_way(T, 2.0, 0.0, NODES[1:], orderId="lost", agvPosition=position(2.0, 0.0, mapId="f1"))
+    status = Listener().status_after(("order", order(T, upstairs)), ("state", lost))
+    assert status.path is NO_PATH
+
+
+def test_known_edges_keep_no_more_curves_than_an_order_may_have() -> None:
+    curve = Curve(1, (), tuple((float(x), 0.0, 1.0) for x in range(MOST_CURVE_POINTS // 4)))
+    ways = KnownWays()
+    for number in range(0, 16, 2):
+        ends = {each: OrderNode(True, NodePlace(float(each), 0.0), (), f"n{each}") for each in (number, number + 1)}
+        edge = msgspec.structs.replace(NO_EDGE, curve=curve)
+        ways = ways.after(Order("o", 0, ends, {number + 1: edge}))
+    curved = [bool(edge.curve) for edge in ways.edges.values()]
+    assert curved == [False] * 4 + [True] * 4
