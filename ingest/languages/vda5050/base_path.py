@@ -71,7 +71,8 @@ def drive(memory: VdaMemory, state: StateMessage, pose: VdaPose, findings: Findi
     if walk.plan and not any(leg.place for leg in legs):
         legs = [OrderLeg(True, NodePlace(*walk.plan[-1]), (), NO_EDGE)]
     row = walk.leg_on(legs, state.position, _passed_place(memory, state))
-    if row and state.position and (state.position.x, state.position.y) == (pose.position.x, pose.position.y):
+    start, here = state.position, pose.position
+    if row and walk.own is NO_PATH and start and (start.x, start.y) == (here.x, here.y):
         findings["node-passed"] = None
     legs = legs[row or 0 :]
     if not legs:

@@ -164,11 +164,13 @@ async def test_a_silent_fleet_manager_is_dialled_again() -> None:
 async def test_a_message_that_breaks_the_reader_does_not_end_the_dialling(caplog: pytest.LogCaptureFixture) -> None:
     async def poison(socket: ServerConnection) -> None:
         await socket.send("poison")
+        await socket.send("hello")
         await socket.wait_closed()
 
     async with serve(poison, "127.0.0.1", 0) as server:
         dialled = Dialled(f"ws://127.0.0.1:{port_of(server)}")
         await dialled.until(2)
+    assert dialled.delivered[-1][0] == b"hello"
     assert "ZeroDivisionError" in caplog.text
 
 
