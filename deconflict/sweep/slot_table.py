@@ -68,10 +68,11 @@ class SlotTable:
         self.robots["radius"][slots] = np.hypot(*half_m)
 
     def set_trains(self, trains: Mapping[str, Sequence[str]]) -> None:
-        """Set which trailers each robot pulls."""
+        """Set which trailers each robot pulls. Those that have no slot, as they are off any floor, are left out."""
         for key, trailers in trains.items():
             slots = self.slots.find([key, *trailers])
-            self.robots["train"][slots] = slots[0] + 1
+            if slots[0] >= 0:
+                self.robots["train"][slots[slots >= 0]] = slots[0] + 1
 
     def discard(self, keys: Iterable[str]) -> list[int]:
         """Remove robots and trailers. Returns their slots; those of trailers are free."""
