@@ -29,6 +29,7 @@ class OptionalStore(Store):
         """The newest revision of what is open, by id, so that memory has it if the disk answers nothing any more."""
         self._last = 0
         """The highest number given."""
+        self._is_closed = False
         self._read_open()
 
     @property
@@ -44,7 +45,10 @@ class OptionalStore(Store):
 
         For one thread at a time. It may wait for the disk; nothing else waits for that.
         """
-        if (why := self.connections.fault()) and not self.outage:
+        why = self.connections.fault()
+        if self._is_closed:  # meanwhile: a thread may ask longer than the store is open
+            return False
+        if why and not self.outage:
             with self._number_lock:
                 self.connections.leave_file(why, self._pending, self._answers.unstored)
                 self._pending = []
@@ -100,6 +104,7 @@ class OptionalStore(Store):
         if self.outage:
             with suppress(StoreError):
                 self.attach()
+        self._is_closed = True
         if self.outage:
             log.error("what was published since %s could not be used is lost: %s", self.path, self.outage)
         super().close()

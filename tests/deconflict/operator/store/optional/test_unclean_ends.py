@@ -166,3 +166,12 @@ def test_a_kill_while_much_is_handed_over_gives_no_number_twice(data: Path) -> N
     store.close()
     with closing(OptionalStore(data)) as again:
         assert [each.seq for each in again.append([made(6)])] == [given[-1].seq + 1]
+
+
+def test_a_thread_that_tries_the_file_after_the_store_was_closed_begins_no_epoch(data: Path) -> None:
+    store = OptionalStore(data)
+    store.close()
+    assert not store.attach()
+    with closing(OptionalStore(data)) as again:
+        assert [each.seq for each in again.append([made(4)])] == [4]
+        assert again.page_after(3, EVERY_KIND, 10).removed == 0
