@@ -104,10 +104,11 @@ class Placement:
         status = robot.newest_status(names_as_uuid) if robot.seen else None
         if not (robot.seen and status):
             return False
-        frame, sighting = self.sighting(robot, status, robot.seen.t_s)
         seen = robot.seen
-        held = {"clock_offset_s": seen.clock_offset_s, "posed_s": seen.posed_s, "repeated_s": seen.repeated_s}
-        sighting = replace(sighting, **held)
+        frame, sighting = self.sighting(robot, status, seen.t_s)
+        sighting = replace(
+            sighting, clock_offset_s=seen.clock_offset_s, posed_s=seen.posed_s, repeated_s=seen.repeated_s
+        )
         self.forecast(robot, status, frame, sighting, robot.before)
         return True
 

@@ -51,7 +51,7 @@ FOLLOWED_S, BESIDE_M, LEAST_M = 3.0, 1.0, 0.5
 """When a robot is compared with its path, if it is not further beside it and would have gone at least so far."""
 OFTEN, AS_SAID, ALIKE, KEPT_S = 6, 1.4, 1.25, 600.0
 """A robot keeps the times of its paths unless they were off so often by more than the first factor, and half of all
-times by nearly the same one, but for the second. One that kept them so short a while ago is held up."""
+times by nearly the same one, but for the second. A robot that kept them so short a while ago is held up."""
 PASSED_M, OVERDUE_S, COUNTS_S = 0.7, 15.0, 5.0
 """A robot passes a place at this distance or less. One that is later than the second passes it no more. A corner counts
 as this much motion."""

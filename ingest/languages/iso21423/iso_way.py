@@ -32,7 +32,7 @@ Piece = tuple[float, float, float, float]
 
 
 def way_of(sent: WayCurve | None, findings: Findings) -> IsoWay | None:
-    """A global path. None for an empty one, or one that can't be read."""
+    """The way of a global path. None if that is empty, or can't be read."""
     curve = curve_of(sent, findings, "globalPath") if sent and sent.control_points else None
     return IsoWay(curve, datum_name(sent.control_points[0].location_point.ccs_id)) if sent and curve else None
 

@@ -255,7 +255,7 @@ def _on_known_map(position: Position, message: VdaMotion, memory: VdaMemory, fin
 def _is_late(stamp: timestamps.Stamp, newest: timestamps.Stamp, last: Heard | None) -> bool:
     """Whether a pose was overtaken by one of another topic. `last` is the message before of its own topic.
 
-    If it is older than that one, or much older than the newest pose, the robot's clock was set back. One that is
+    If it is older than that one, or much older than the newest pose, the robot's clock was set back. A message that is
     repeated was not.
     """
     if not (stamp.is_known and newest.is_known) or (last and stamp.t_s < last.stamp_s):

@@ -74,7 +74,7 @@ class KnownWays(msgspec.Struct, frozen=True, gc=False):
 
 
 def _fits(order: Order, state: StateMessage) -> bool:
-    """Whether an order has all nodes of a state, and its last one, where the state has them."""
+    """Whether an order has all nodes of a state, and the last node that it passed, where the state has them."""
     known = ((order.nodes.get(each.sequence_id), each.node_id) for each in state.node_states or ())
     return order.passed_by(state) >= 0 and all(node and node.node_id == plain_id(node_id) for node, node_id in known)
 
