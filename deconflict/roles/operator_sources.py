@@ -32,7 +32,15 @@ from deconflict.roles.health.file_health import FileHealth, data_files
 from deconflict.roles.health.positions_health import broker_notes, brokers_document, positions_document
 from deconflict.roles.health.recording_health import RecordingHealth
 from deconflict.roles.health.refusal_health import RefusalHealth
-from deconflict.roles.role_files import preparation, restarts, role_processes, stands_alone, supervisor_health
+from deconflict.roles.role_files import (
+    RoleProcesses,
+    is_up,
+    preparation,
+    restarts,
+    role_processes,
+    stands_alone,
+    supervisor_health,
+)
 from deconflict.runtime.rpc import AsyncCaller, LinkDownError
 from deconflict.settings.hot_reload import REQUEST_FILE, reload_results
 from deconflict.settings.site import Site
@@ -42,8 +50,6 @@ from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.measures.measures import Measures, joined_values
 from ingest.recording.operator_events import OffFloorMark
 
-ENGINE_STALE_S = 5.0
-"""An engine that has not reported for this long counts as down; it reports every second."""
 HEALTH_TIMEOUT_S = 3.0
 """A receiver that does not answer for this long counts as down."""
 LIVE_QUESTIONS = "unidentified", "senders", "brokers", "off_floor"
@@ -92,7 +98,7 @@ class OperatorSources:
         self._recording = RecordingHealth()
         self.files = FileHealth(data_files(site, data), gives_numbers=not site.cluster)
         self.certificates, self.clock = CertificateHealth(), ClockHealth(data)
-        is_first = not site.cluster and not restarts(runtime).get("operator")
+        is_first = not site.cluster and not restarts(role_processes(runtime)).get("operator")
         self._refusals = RefusalHealth(since_start=is_first, looked_s=time.monotonic())
 
     async def robots(self, uuid: str = "") -> list[dict[str, Any]]:
@@ -127,7 +133,8 @@ class OperatorSources:
     async def measures(self) -> list[dict[str, Any]]:
         """The measures of every role that answers. Old measures of the others are left out."""
         receiver = await self._receiver_measures()
-        up, members, own = await self._roles_up(receiver is not None), await self._members(), Measures()
+        processes, members, own = role_processes(self._runtime), await self._members(), Measures()
+        up = await self._roles_up(receiver is not None, processes)
         own.level("deconflict_role_up", {(role,): float(alive) for role, alive in up.items()})
         own.level(DELAY, {(): self._engine.delivery.delay_s(time.monotonic())})
         ends = self.certificates.expiry_s(self.history.site)
@@ -136,7 +143,7 @@ class OperatorSources:
             own.level(name, {(part,): float(count) for part, count in members.get(key, {}).items()})
         if not self.is_alone:
             own.level(LATENCY, {(): self._engine.canary.latency_s(time.monotonic())})
-        for role, count in restarts(self._runtime).items():
+        for role, count in restarts(processes).items():
             own.count("deconflict_role_restarts_total", role, by=count)
         if results := reload_results(self._runtime):
             for result in ("applied", "refused"):
@@ -145,12 +152,12 @@ class OperatorSources:
 
     async def health(self) -> dict[str, Any]:
         receiver = await self._receiver_measures()
-        up, results = await self._roles_up(receiver is not None), reload_results(self._runtime)
+        processes, results = role_processes(self._runtime), reload_results(self._runtime)
+        up = await self._roles_up(receiver is not None, processes)
         if receiver is not None:
             self._recording.note_measures(receiver)
         brokers, off_floor = [await self._listed(each) if receiver else [] for each in ("brokers", "off_floor")]
-        positions = positions_document(receiver or [])
-        if positions["robots"]:
+        if (positions := positions_document(receiver or []))["robots"]:
             positions = positions_document(receiver or [], await self._listed("senders"))
         parts = {
             "delivery": self._engine.delivery.document(time.monotonic(), self._engine.measures),
@@ -176,7 +183,7 @@ class OperatorSources:
         return {
             "status": "ok" if is_ok else "degraded",
             "roles": {role: "up" if alive else "down" for role, alive in up.items()},
-            "restarts": restarts(self._runtime),
+            "restarts": restarts(processes),
             "preparing": preparation(self._runtime),
             "effort": self._effort(),
             "notice": self.notice,
@@ -222,7 +229,7 @@ class OperatorSources:
         receiver = await self._receiver_measures()
         documents = [*self._engine.measures, *(receiver or [])]
         members: str = (await self._members()).get("reason", "")
-        up = await self._roles_up(receiver is not None)
+        up = await self._roles_up(receiver is not None, role_processes(self._runtime))
         lists = {each: await self._listed(each) if receiver is not None else [] for each in LIVE_QUESTIONS}
         presence = self._engine.presence
         return {
@@ -285,12 +292,12 @@ class OperatorSources:
             return None
         return documents
 
-    async def _roles_up(self, receiver: bool) -> dict[str, bool]:
+    async def _roles_up(self, receiver: bool, processes: RoleProcesses) -> dict[str, bool]:
         """Which roles are up; in a cluster, whether one of each is. `receiver` is whether the receiver answers."""
-        engine = time.monotonic() - self._engine.received_s < ENGINE_STALE_S
+        engine = is_up(processes, "engine", self._engine.received_s, time.monotonic())
         before = await self._cluster_up() if self._is_cluster else {"receiver": receiver}
         before |= {"nats": False} if self.is_alone else {}
-        return before | {"engine": engine and self._reported_engine_runs(), "operator": True}
+        return before | {"engine": engine, "operator": True}
 
     async def _cluster_up(self) -> dict[str, bool]:
         """Whether the NATS servers are connected and an ingest is alive, as the follower of this machine reports."""
@@ -326,15 +333,7 @@ class OperatorSources:
 
     def _is_first_engine_starting(self) -> bool:
         """Whether no engine has reported yet, and none has failed."""
-        return self._engine.received_s == float("-inf") and not restarts(self._runtime).get("engine")
-
-    def _reported_engine_runs(self) -> bool:
-        """Whether the engine that sent the last report is the one that runs now. True without a supervisor."""
-        process = role_processes(self._runtime).get("engine")
-        if process is None:
-            return True
-        since_s = process["since_s"]
-        return since_s is not None and self._engine.received_s >= since_s
+        return self._engine.received_s == float("-inf") and not restarts(role_processes(self._runtime)).get("engine")
 
     async def _ask(self, name: str, payload: bytes = b"") -> Any:
         try:

@@ -3,7 +3,7 @@
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ ROLES_FILE = "roles.json"
 """What the supervisor writes about its processes: `RoleProcess.document` by role."""
 SUPERVISOR_SILENCE_S = 5.0
 """A supervisor that has not touched `ROLES_FILE` for this long is reported; it does so each second."""
+REPORT_STALE_S = 5.0
+"""A role that has not reported for this long counts as down; it reports every second."""
 EARLY_S = 60.0
 """A process that fails before may fail because of what it started with."""
 PREPARATION_FILE = "preparation.json"
@@ -55,10 +57,23 @@ def preparation(runtime: Path) -> dict[str, Any] | None:
     return document
 
 
-def role_processes(runtime: Path) -> dict[str, dict[str, Any]]:
+RoleProcesses = Mapping[str, Mapping[str, Any]]
+"""By role, the contents of `ROLES_FILE`."""
+
+
+def role_processes(runtime: Path) -> RoleProcesses:
     """The contents of `ROLES_FILE`; empty without a supervisor."""
     path = runtime / ROLES_FILE
     return json.loads(path.read_text()) if path.exists() else {}
+
+
+def is_up(processes: RoleProcesses, role: str, reported_s: float, now_s: float) -> bool:
+    """Whether a role that last reported at `reported_s` is up: recently, by the process that runs now.
+
+    Times are of the monotonic clock. Without a supervisor the process of a report is the one that runs.
+    """
+    since_s = processes[role]["since_s"] if role in processes else float("-inf")
+    return since_s is not None and reported_s >= since_s and now_s - reported_s < REPORT_STALE_S
 
 
 def supervisor_health(runtime: Path) -> dict[str, Any]:
@@ -77,8 +92,9 @@ def early_end(runtime: Path, role: str) -> str:
     return "" if after_s is None or after_s >= EARLY_S else f"crashed or hung after {after_s:.0f} s"
 
 
-def restarts(runtime: Path) -> dict[str, int]:
-    return {role: process["restarts"] for role, process in role_processes(runtime).items()}
+def restarts(processes: RoleProcesses) -> dict[str, int]:
+    """By role, of what `role_processes` returned."""
+    return {role: process["restarts"] for role, process in processes.items()}
 
 
 def stands_alone(runtime: Path) -> bool:

@@ -16,7 +16,14 @@ from typing import TYPE_CHECKING, Protocol
 
 from deconflict.cluster.nats.nats_credentials import credentials
 from deconflict.operator.http.api_sources import Exposition
-from deconflict.roles.role_files import ALONE_FILE, PreparationProgress, early_end, restarts, stands_alone
+from deconflict.roles.role_files import (
+    ALONE_FILE,
+    PreparationProgress,
+    early_end,
+    restarts,
+    role_processes,
+    stands_alone,
+)
 from deconflict.runtime.heartbeat import Heartbeat
 from deconflict.runtime.kernel_preparation import compile_kernels
 from deconflict.settings.cluster_settings import Cluster
@@ -107,7 +114,7 @@ def _site(runtime: Path) -> Site:
 
 
 def _engine_role(site: Site, runtime: Path, make_judge: "MakeJudge | None") -> "EngineRole":
-    is_first, ended_early = restarts(runtime).get("engine") == 0, early_end(runtime, "engine")
+    is_first, ended_early = restarts(role_processes(runtime)).get("engine") == 0, early_end(runtime, "engine")
     role = _engine_class(runtime)
     return role(site, runtime, is_first=is_first, ended_early=ended_early, make_judge=make_judge)
 
