@@ -150,7 +150,7 @@ class OperatorRole:
         while True:
             try:
                 attaching = asyncio.create_task(asyncio.to_thread(self._store.attach))
-                if not (await asyncio.wait({attaching}, timeout=STUCK_S))[0]:
+                while not (await asyncio.wait({attaching}, timeout=STUCK_S))[0]:
                     await self._publisher.leave_stuck()
                 if await attaching:
                     await self._publisher.renew_numbers()

@@ -160,7 +160,7 @@ def _removed(db: sqlite3.Connection, chosen: str, *bounds: float | str) -> list[
 class OutletPositions:
     """Positions that are not in the file yet, and the pages that outlets read.
 
-    `begin_page` and `end_page` never wait for the disk.
+    `begin_page`, `end_page` and `move` never wait for the disk.
     """
 
     def __init__(self) -> None:
@@ -178,9 +178,15 @@ class OutletPositions:
         self._removed_to = 0
         """The highest number that was removed since the start."""
 
+    def move(self, outlet: str, seq: int) -> None:
+        """The outlet has sent every revision up to a number."""
+        with self._lock:
+            self.unstored[outlet] = seq
+
     def stored(self, positions: Mapping[str, int]) -> None:
         """These positions are in the file."""
-        self.unstored = {outlet: seq for outlet, seq in self.unstored.items() if positions.get(outlet) != seq}
+        with self._lock:
+            self.unstored = {outlet: seq for outlet, seq in self.unstored.items() if positions.get(outlet) != seq}
 
     def begin_page(self, outlet: str) -> int | None:
         """The outlet reads its next page: until `end_page`, no removal that begins takes what it may still send.

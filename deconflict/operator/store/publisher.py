@@ -168,7 +168,7 @@ class Publisher:
     async def _begin_anew(self) -> None:
         with self._tail_lock:
             self._tail.clear()
-        self.last_seq = await asyncio.to_thread(self._store.last_seq)
+        self.last_seq = await self._answered(self._store.last_seq)
         self._news.announce()
 
     async def _answered(self, question: Callable[[], Answer]) -> Answer:

@@ -72,6 +72,19 @@ class StoreConnections(NamedTuple):
             db.close()
 
 
+class StoreLocks(NamedTuple):
+    """One for each of `StoreConnections`."""
+
+    writer: Lock
+    numberer: Lock
+    reader: Lock
+    long_reader: Lock
+
+
+def new_locks() -> StoreLocks:
+    return StoreLocks(Lock(), Lock(), Lock(), Lock())
+
+
 class SqliteConnections:
     """Transactions on the file of one directory. Errors become `StoreError`.
 
@@ -84,7 +97,9 @@ class SqliteConnections:
         `follows_stream` is whether a stream gives the numbers: then a new file continues after what it holds.
         """
         self.path, self._follows_stream = directory / FILE_NAME, follows_stream
-        self._write_lock, self._number_lock, self._read_lock, self._long_read_lock = (Lock() for _ in range(4))
+        self._locks = new_locks()
+        self.changing = Lock()
+        """Held while a file takes the place of another one, or of memory. Nobody waits for the disk with it."""
         self._is_damaged, self._renewed_s = False, float("-inf")
         self.renewal: Renewal | None = None
         """The last one since the start."""
@@ -101,11 +116,11 @@ class SqliteConnections:
         self._begin()
 
     def _begin(self) -> None:
-        self._use(self._opened_or_renewed())
+        self._use(self._opened_or_renewed(), self._locks)
 
     @contextmanager
     def writing(self) -> Iterator[sqlite3.Connection]:
-        with self._transaction(lambda: self._file.writer, self._write_lock, "BEGIN IMMEDIATE") as db:
+        with self._transaction(lambda: self._file.writer, self._locks.writer, "BEGIN IMMEDIATE") as db:
             yield db
             self._note_last(last_seq(db))
 
@@ -125,15 +140,15 @@ class SqliteConnections:
                 self._reserved.note_unstored(has_unstored=has_unstored())
 
     def reading(self) -> AbstractContextManager[sqlite3.Connection]:
-        return self._transaction(lambda: self._file.reader, self._read_lock, "BEGIN")
+        return self._transaction(lambda: self._file.reader, self._locks.reader, "BEGIN")
 
     def numbering(self) -> AbstractContextManager[sqlite3.Connection]:
         """For the short reads that new revisions need: they do not wait for other readers."""
-        return self._transaction(lambda: self._file.numberer, self._number_lock, "BEGIN")
+        return self._transaction(lambda: self._file.numberer, self._locks.numberer, "BEGIN")
 
     def long_reading(self) -> AbstractContextManager[sqlite3.Connection]:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
-        return self._transaction(lambda: self._file.long_reader, self._long_read_lock, "BEGIN")
+        return self._transaction(lambda: self._file.long_reader, self._locks.long_reader, "BEGIN")
 
     def close(self) -> None:
         with self._all_locked():
@@ -147,10 +162,19 @@ class SqliteConnections:
             set_database_aside(self.path, aside)
         return aside
 
-    def _use(self, file: StoreConnections) -> None:
-        self._file = file
+    def _use(self, file: StoreConnections, locks: StoreLocks) -> bool:
+        """Use a file from now on. `locks` are held; if others have taken their place meanwhile, so has memory, and the
+        file is closed. Returns whether it is in use."""
         status = self.path.stat()
-        self._identity = status.st_dev, status.st_ino
+        with self.changing:
+            if is_used := locks is self._locks:
+                self._begin_use(file, (status.st_dev, status.st_ino))
+        if not is_used:
+            file.close()
+        return is_used
+
+    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
+        self._file, self._identity = file, identity
 
     def _opened_or_renewed(self) -> StoreConnections:
         """Raises `StoreError`."""
@@ -241,15 +265,18 @@ class SqliteConnections:
 
     def _renew_if_damaged(self) -> None:
         if self._is_damaged and self._may_renew():
-            with self._all_locked():
-                if self._is_damaged:
+            with self._all_locked() as locks:
+                if self._is_damaged and locks is self._locks:
                     self._file.close()
-                    self._use(self._renewed())
+                    self._use(self._renewed(), locks)
 
     @contextmanager
-    def _all_locked(self) -> Iterator[None]:
-        with self._write_lock, self._number_lock, self._read_lock, self._long_read_lock:
-            yield
+    def _all_locked(self) -> Iterator[StoreLocks]:
+        with ExitStack() as held:
+            locks = self._locks
+            for lock in locks:
+                held.enter_context(lock)
+            yield locks
 
     @contextmanager
     def _transaction(

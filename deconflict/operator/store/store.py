@@ -280,9 +280,8 @@ class Store:
             return self.outlets.unstored.get(outlet, tables.position(db, outlet))
 
     def set_position(self, outlet: str, seq: int) -> None:
-        """Set the last revision that an outlet has delivered. `flush` stores it, with or after that revision."""
-        with self._number_lock:
-            self.outlets.unstored[outlet] = seq
+        """Set what an outlet has delivered, without waiting. `flush` stores it, with or after that revision."""
+        self.outlets.move(outlet, seq)
 
     def keep_canary(self, document: str) -> None:
         """Replace the stored canary, an advisory that nobody reads. Raises `StoreError`."""

@@ -218,8 +218,8 @@ def write_answer(db: sqlite3.Connection, answered: AnyRevision) -> None:
     insert(db, answered, answers_of(db, answered.id)[0], answer.at)
 
 
-def write_open(db: sqlite3.Connection, revision: AnyRevision) -> None:
-    """Write the newest revision of what is open, with its answer, and without what came before it."""
+def write_known(db: sqlite3.Connection, revision: AnyRevision) -> None:
+    """Write a revision that another database has, with its answer, and without what came before it."""
     answer = revision.acknowledgement
     insert(db, revision, int(answer is not None), revision.updated_at)
     if answer:

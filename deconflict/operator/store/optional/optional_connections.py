@@ -17,7 +17,13 @@ from typing import TypeVar
 from deconflict.operator.store.migrations import UPGRADES
 from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
-from deconflict.operator.store.sqlite_connections import SqliteConnections, StoreConnections, begun
+from deconflict.operator.store.sqlite_connections import (
+    SqliteConnections,
+    StoreConnections,
+    StoreLocks,
+    begun,
+    new_locks,
+)
 from deconflict.operator.store.tables import STUCK, StoreError, last_seq
 from deconflict_client.situations import AnyRevision
 
@@ -55,7 +61,7 @@ class OptionalConnections(SqliteConnections):
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         self._stand_in: StandIn | None = None
         self._memory_lock = Lock()
-        self._left: list[tuple[StoreConnections, list[Lock]]] = []
+        self._left: list[tuple[StoreConnections, StoreLocks]] = []
         """Files in use that did not answer, and what is locked by those who wait for them."""
         self.outage: str | None = None
         """Why the file is not in use; None if it is."""
@@ -88,18 +94,33 @@ class OptionalConnections(SqliteConnections):
             return str(error)
         return None
 
-    def leave_file(self, why: str, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
-        """Use memory from now on, which has `pending`, too, as of `StandIn`. No revision may be numbered meanwhile."""
-        with self._all_locked():
-            state = self._last_state()
-            self._file.close()
-            self._use_memory(state, why, pending, answered)
+    def leave_file(self, why: str, pending: Sequence[AnyRevision], answered: Container[int]) -> bool:
+        """Use memory from now on, which has `pending`, too, as of `StandIn`. No revision may be numbered meanwhile.
+
+        Returns whether it was begun: not if memory has taken the place of the file meanwhile.
+        """
+        file = self._file
+        with self._all_locked() as locks:
+            state = self._last_state(file)
+            with self.changing:
+                if self._stand_in or locks is not self._locks:
+                    return False
+                self._use_memory(state, why, pending, answered)
+        file.close()
+        return True
 
     def leave_stuck(self, state: State, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
-        """As `leave_file`, of a file that many may wait for: it is left to them, and closed once it is in use again."""
-        self._left.append((self._file, [self._write_lock, self._number_lock, self._read_lock, self._long_read_lock]))
-        self._write_lock, self._number_lock, self._read_lock, self._long_read_lock = (Lock() for _ in range(4))
+        """As `leave_file`, of a file that many may wait for: it is left to them, and closed once it is in use again.
+
+        The caller holds `changing`.
+        """
+        self._left.append((self._file, self._locks))
+        self.leave_waiting()
         self._use_memory(state, STUCK, pending, answered)
+
+    def leave_waiting(self) -> None:
+        """Wait for none of those who hold locks now: they wait for the disk. The caller holds `changing`."""
+        self._locks = new_locks()
 
     def _close_left(self) -> None:
         """Close the files that were left, unless somebody still waits for one."""
@@ -127,24 +148,33 @@ class OptionalConnections(SqliteConnections):
             at_error.pop_all()
         return file
 
-    def use_again(self, file: StoreConnections) -> None:
-        """Write the rest of what memory has to the file, and use it. Raises `StoreError`; then memory stays in use."""
+    def use_again(self, file: StoreConnections) -> bool:
+        """Write the rest of what memory has to the file, and use it. Raises `StoreError`; then memory stays in use.
+
+        Returns whether the file is in use: not if its disk did not answer for so long that it was left once more.
+        """
         if (stand_in := self._stand_in) is None:
-            return
-        with ExitStack() as at_error, self._all_locked():
+            return False
+        with ExitStack() as at_error, self._all_locked() as locks:
             at_error.callback(file.close)
             self._write_rows(stand_in, file.writer, self._next_rows(stand_in))
             with self._explained_errors(), begun(file.writer, "BEGIN IMMEDIATE"):
                 stand_in.finish(file.writer, time.time())
             with self._explained_errors():
                 self._known_seq = last_seq(file.writer)
-                self._use(file)
+                is_used = self._use(file, locks)
             at_error.pop_all()
-            self._stand_in = self.outage = None
-            self._is_damaged = False
-            stand_in.db.close()
-        self._close_left()
-        log.warning("%s is in use again", self.path)
+            if is_used:
+                stand_in.db.close()
+        if is_used:
+            self._close_left()
+            log.warning("%s is in use again", self.path)
+        return is_used
+
+    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
+        super()._begin_use(file, identity)
+        self._stand_in = self.outage = None
+        self._is_damaged = False
 
     def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
         """The numbers of an epoch in memory need no note: none of them is given again."""
@@ -155,7 +185,7 @@ class OptionalConnections(SqliteConnections):
             self._known_seq = epoch(time.time())  # perhaps the disk with the numbers given before is not there
         try:
             opened = within(OPEN_STUCK_S, self._opened_or_renewed, StoreConnections.close)
-            self._use(opened)
+            self._use(opened, self._locks)
         except (StoreError, OSError) as error:
             state = None
             with suppress(StoreError):
@@ -186,10 +216,10 @@ class OptionalConnections(SqliteConnections):
         if not self._stand_in:
             super()._note_last(seq)
 
-    def _last_state(self) -> State | None:
-        """What can be read of the file in use. One that was removed exists until it is closed."""
+    def _last_state(self, file: StoreConnections) -> State | None:
+        """What can be read of a file in use. One that was removed exists until it is closed."""
         try:
-            return state_of(self._file.writer)
+            return state_of(file.writer)
         except sqlite3.Error:
             return readable_state(self.path)
 

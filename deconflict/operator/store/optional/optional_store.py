@@ -1,17 +1,18 @@
 """The store of a service: what it publishes does not wait for the file, neither at the start nor while it runs."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from sys import maxsize
 from threading import RLock
 
-from deconflict.operator.store import pruning, tables
+from deconflict.operator.store import pruning
+from deconflict.operator.store.optional.newest_known import NewestKnown
 from deconflict.operator.store.optional.optional_connections import OptionalConnections
-from deconflict.operator.store.optional.stand_in import MOST_BYTES, state_of_open
+from deconflict.operator.store.optional.stand_in import MOST_BYTES
+from deconflict.operator.store.sqlite_connections import StoreConnections
 from deconflict.operator.store.store import Store, StoreError
-from deconflict_client.advisory import Acknowledgement, AdvisoryState
+from deconflict_client.advisory import Acknowledgement
 from deconflict_client.situations import AnyRevision
 
 log = logging.getLogger(__name__)
@@ -25,12 +26,8 @@ class OptionalStore(Store):
 
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         super().__init__(directory, follows_stream=follows_stream)
-        self._open: dict[str, AnyRevision] = {}
-        """The newest revision of what is open, by id, so that memory has it if the disk answers nothing any more."""
-        self._last = 0
-        """The highest number given."""
         self._is_closed = False
-        self._read_open()
+        self._known = self._read_known()
 
     @property
     def outage(self) -> str | None:  # type: ignore[override]
@@ -49,55 +46,68 @@ class OptionalStore(Store):
         if self._is_closed:  # meanwhile: a thread may ask longer than the store is open
             return False
         if why and not self.outage:
-            with self._number_lock:
-                self.connections.leave_file(why, self._pending, self._answers.unstored)
-                self._pending = []
+            lock = self._number_lock
+            with lock:
+                is_left = self.connections.leave_file(why, self._pending, self._answers.unstored)
+                with self.connections.changing:
+                    if is_left and lock is self._number_lock:
+                        self._pending = []
         file = self.connections.opened_again()
         if file:
-            with self._number_lock:
-                self.flush()
-                self.connections.use_again(file)
-                self._read_open()
+            self._use_again(file)
             self.note_unstored()
         return bool(why or file)
 
+    def _use_again(self, file: StoreConnections) -> None:
+        lock = self._number_lock
+        with lock:
+            self.flush()
+            if self.connections.use_again(file):
+                known = self._read_known()
+                with self.connections.changing:
+                    if lock is self._number_lock:
+                        self._known = known
+
     def accept(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
         accepted = super().accept(advisories)
-        self._note_open(accepted)
+        self._known.note(accepted)
         return accepted
 
     def accept_answer(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
         answered = super().accept_answer(advisory_id, answer, seq)
-        self._note_open([answered] if answered else [])
+        self._known.note([answered] if answered else [])
         return answered
+
+    def set_position(self, outlet: str, seq: int) -> None:
+        super().set_position(outlet, seq)
+        self._known.note_position(outlet, seq)
 
     def leave_stuck(self) -> bool:
         """Use memory from now on, with what is open. Whoever waits for the disk may change nothing here later."""
-        if self.outage:
-            return False
-        log.error("the disk of %s does not answer", self.path)
-        pending, unstored, waiting = self._pending, self._answers.unstored, self.outlets.unstored
-        numbers = {revision.seq for revision in pending}
-        stored = [revision for revision in self._open.values() if revision.seq not in numbers]
-        self._number_lock, self.outlets = RLock(), pruning.OutletPositions()
-        self.outlets.unstored = dict(waiting)
-        state = state_of_open(stored, pending[0].seq - 1 if pending else self._last)
-        self.connections.leave_stuck(state, pending, unstored)
-        self._pending = []
+        with self.connections.changing:
+            if self.outage:
+                return self._leave_waiting()
+            log.error("the disk of %s does not answer", self.path)
+            pending, unstored, waiting = self._pending, self._answers.unstored, self.outlets.unstored
+            self._number_lock, self.outlets = RLock(), pruning.OutletPositions()
+            self.outlets.unstored = dict(waiting)
+            self.connections.leave_stuck(self._known.state(pending), pending, unstored)
+            self._pending = []
         return True
 
-    def _read_open(self) -> None:
-        documents = self.open_after(0, maxsize)
-        self._last = self.last_seq()
-        self._open = {each.id: each for each in tables.readable((document.text,) for document in documents)}
+    def _leave_waiting(self) -> bool:
+        """Wait no more for who hands over to the file again, if its disk does not answer."""
+        if self._number_lock.acquire(blocking=False):
+            self._number_lock.release()
+            return False
+        log.error("the disk of %s does not answer once more", self.path)
+        self._number_lock = RLock()
+        self.connections.leave_waiting()
+        return True
 
-    def _note_open(self, accepted: Iterable[AnyRevision]) -> None:
-        for revision in accepted:
-            self._last = max(self._last, revision.seq)
-            if revision.state is AdvisoryState.CLEARED:
-                self._open.pop(revision.id, None)
-            else:
-                self._open[revision.id] = revision
+    def _read_known(self) -> NewestKnown:
+        with self.connections.long_reading() as db:
+            return NewestKnown.read(db)
 
     def close(self) -> None:
         """Hand over what memory has, if the file takes it now."""

@@ -10,7 +10,6 @@ import sqlite3
 import time
 from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -87,15 +86,8 @@ def state_of(db: sqlite3.Connection) -> State:
     return State(tables.last_seq(db), rows)
 
 
-def state_of_open(revisions: Iterable[AnyRevision], last_seq: int) -> State:
-    """As of a database that has these open revisions alone, and has given numbers up to `last_seq`."""
-    with closing(_empty()) as db:
-        for revision in sorted(revisions, key=attrgetter("seq")):
-            tables.write_open(db, revision)
-        return state_of(db)._replace(last_seq=last_seq)
-
-
-def _empty() -> sqlite3.Connection:
+def empty_database() -> sqlite3.Connection:
+    """One in memory, with all tables."""
     db = sqlite3.connect(IN_MEMORY, isolation_level=None, check_same_thread=False)
     for statement in (statement for step in UPGRADES for statement in step):
         db.execute(statement)
@@ -144,7 +136,7 @@ class StandIn:
         `pending` was published and is not in the file; the numbers in `answered` are of answers.
         """
         self.state, self._follows_stream = state, reserved is None
-        self.db = _empty()
+        self.db = empty_database()
         self.db.execute(f"PRAGMA max_page_count = {2 * MOST_BYTES // 4096}")
         if state:
             state.write(self.db)
@@ -225,6 +217,7 @@ class StandIn:
             if self.state is None and seq < positions.get(outlet, 0):
                 log.warning("%s was not sent what the file had after number %d", outlet, seq)
         tables.put_positions(file, positions)
+        self._shift = None  # a file that is not used now is looked at anew: it may have numbers of what was cleared
 
     def _unknown(self, file: sqlite3.Connection) -> Iterator[AnyRevision]:
         """What the file has open and this database does not know: no advisories, or what the engine did not resume."""

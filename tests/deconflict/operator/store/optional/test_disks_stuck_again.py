@@ -1,0 +1,137 @@
+"""A disk that answers nothing for a second time, or while memory takes the place of its file."""
+
+import asyncio
+import subprocess
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from deconflict.advisories.encounter_numbers import FORGOTTEN
+from deconflict.operator.store.optional.optional_store import OptionalStore
+from deconflict.operator.store.optional.stand_in import State
+from deconflict.operator.store.publisher import Publisher
+from deconflict.operator.store.sqlite_connections import StoreConnections
+from deconflict.operator.store.store import Store
+from deconflict_client.advisory import ADVISORY_KINDS
+from ingest.measures.measures import Measures
+from tests.deconflict.roles.made_disks import disk_that_can_stick
+from tests.helpers.made_advisories import cleared, made
+from tests.helpers.patience import PATIENCE_S
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.store.publisher.STUCK_S", 0.2)
+
+
+async def attached(store: OptionalStore) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while store.outage:
+            await asyncio.to_thread(store.attach)
+
+
+async def test_memory_goes_on_if_the_disk_sticks_again_while_the_file_takes_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with disk_that_can_stick(tmp_path) as disk:
+        store = OptionalStore(disk / "data")
+        publisher = Publisher(store, Measures())
+        await publisher.publish([made(1)])
+        with store.connections.numbering():
+            await publisher.publish([made(2)])
+        open_file = store.connections.opened_again
+
+        def open_file_of_a_disk_that_sticks() -> StoreConnections | None:
+            file = open_file()
+            subprocess.run(["fsfreeze", "-f", str(disk)], check=True)
+            return file
+
+        monkeypatch.setattr(store.connections, "opened_again", open_file_of_a_disk_that_sticks)
+        attaching = asyncio.create_task(asyncio.to_thread(store.attach))
+        try:
+            while not store.connections._locks.writer.locked():
+                await asyncio.sleep(0.01)
+            async with asyncio.timeout(PATIENCE_S):
+                published = await publisher.publish([cleared(1), made(3)])
+                open_now = await asyncio.to_thread(store.latest, "open")
+            assert [each.id for each in open_now.advisories] == ["advisory-3", "advisory-2"]
+            assert store.outage
+        finally:
+            subprocess.run(["fsfreeze", "-u", str(disk)], check=True)
+        await attaching
+        assert store.outage, "its place was taken while it waited"
+        monkeypatch.undo()
+        await publisher.publish([made(4)])
+        await attached(store)
+        stored = store.after(0)
+        assert [each.seq for each in stored] == sorted({each.seq for each in stored})
+        assert {(each.id, each.revision) for each in stored} == {
+            (f"advisory-{number}", revision) for number, revision in ((1, 1), (2, 1), (1, 2), (3, 1), (4, 1))
+        }
+        assert [each for each in stored if each.seq >= published[0].seq][:2] == published
+        store.close()
+
+
+async def test_a_thread_that_left_a_file_late_does_not_replace_the_memory_that_took_its_place(tmp_path: Path) -> None:
+    with closing(OptionalStore(tmp_path)) as store:
+        publisher = Publisher(store, Measures())
+        await publisher.publish([made(1)])
+        read, begun, answers = store.connections._last_state, threading.Event(), threading.Event()
+
+        def slow_state(file: StoreConnections) -> State | None:
+            begun.set()
+            answers.wait(PATIENCE_S)
+            return read(file)
+
+        store.connections._last_state = slow_state  # type: ignore[method-assign]
+        store.path.rename(tmp_path / "elsewhere.db")
+        attaching = asyncio.create_task(asyncio.to_thread(store.attach))
+        await asyncio.to_thread(begun.wait, PATIENCE_S)
+        async with asyncio.timeout(PATIENCE_S):
+            published = await publisher.publish([made(2)])
+        answers.set()
+        await attaching
+        assert published[0] in store.after(0)
+        assert [each.id for each in store.latest("open").advisories] == ["advisory-2", "advisory-1"]
+
+
+def test_memory_knows_what_outlets_have_not_sent_who_yielded_and_the_numbers_of_encounters(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as before:
+        before.append([made(1, encounter=7), made(2)])
+        before.set_position("hook", 1)
+        before.flush()
+    with closing(OptionalStore(tmp_path)) as store:
+        store.accept([cleared(2, advised_wait_s={"Acme": 4.0})])
+        store.flush()
+        store.accept([made(3, advised_wait_s={"Acme": 1.0})])
+        assert store.leave_stuck()
+        assert store.position("hook") == 1
+        unsent = store.page_after(1, ADVISORY_KINDS, 10).revisions
+        assert [(each.id, each.revision) for each in unsent] == [
+            ("advisory-2", 1),
+            ("advisory-2", 2),
+            ("advisory-3", 1),
+        ]
+        assert store.burdens_s() == {"Acme": 5.0}
+        assert dict(store.encounters_after(("", ""), 10))[FORGOTTEN] == 7
+        store.set_position("hook", unsent[-1].seq)
+        store.flush()
+        while store.outage:
+            store.attach()
+        assert store.burdens_s() == {"Acme": 5.0}
+        assert store.position("hook") == unsent[-1].seq
+    with closing(Store(tmp_path)) as again:
+        assert again.burdens_s() == {"Acme": 5.0}
+        assert [each.id for each in again.latest("open").advisories] == ["advisory-3", "advisory-1"]
+
+
+def test_an_outlet_moves_on_while_the_disk_does_not_answer(tmp_path: Path) -> None:
+    with closing(OptionalStore(tmp_path)) as store:
+        with store._number_lock:
+            moving = threading.Thread(target=store.set_position, args=("hook", 3), daemon=True)
+            moving.start()
+            moving.join(PATIENCE_S)
+            assert not moving.is_alive()
+        assert store.position("hook") == 3
