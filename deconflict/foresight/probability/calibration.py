@@ -190,8 +190,17 @@ class Calibration:
         """The probabilities of n pairs with these features (n, features), of these `vendors` (n,)."""
         score, variance = self._scores(features, vendors)
         spread = np.sqrt(variance)
-        scores = score, score - NINETY * spread, score + NINETY * spread, score + CAUTION * spread
-        return Estimate(*_share(np.array(scores)))
+        cautious = score + self._caution(vendors) * spread
+        return Estimate(*_share(np.array([score, score - NINETY * spread, score + NINETY * spread, cautious])))
+
+    def _caution(self, vendors: Ints) -> Floats:
+        """(n,) the caution for pairs of `vendors` (n,), which have models. Robots of one vendor know of each other: a
+        warning is needed only as far as they were seen to get in each other's way as those of two vendors do."""
+        usual = self.prior.same_vendor
+        vendor, other_vendor = slots_of(vendors)
+        own = self._models.weights[np.searchsorted(self._models.vendors, vendors), 0]
+        share = np.clip(1.0 - own / usual, 0.0, 1.0) if usual else np.ones(len(vendors))
+        return CAUTION * np.where(vendor == other_vendor, share, 1.0)
 
     def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
         """Learn from the outcomes of n pairs of these `vendors` (n,), which had these features (n, features)."""

@@ -2,9 +2,16 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from deconflict.foresight.probability.calibration import CONTACT, OUTCOME_WEIGHT, OWN_SD, Calibration, log_odds
+from deconflict.foresight.probability.calibration import (
+    CONTACT,
+    INTERACTION,
+    OUTCOME_WEIGHT,
+    OWN_SD,
+    Calibration,
+    log_odds,
+)
 from deconflict.foresight.probability.censoring import STAYED, CensoredOutcomes, weights
-from deconflict.foresight.probability.pair_table import CONTACT_FEATURES
+from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, FEATURES
 from ingest.batch import Bools, Floats, Ints
 
 NOW_S = 1_790_000_000.0
@@ -130,3 +137,16 @@ def test_thin_evidence_gives_a_wide_interval_and_errs_to_warning() -> None:
     assert (after.upper - after.lower).mean() < (before.upper - before.lower).mean() / 3
     assert (elsewhere.upper - elsewhere.lower).mean() > 2 * (after.upper - after.lower).mean()
     assert OWN_SD[0] > 0.5
+
+
+def test_robots_of_one_vendor_are_warned_of_with_caution_once_they_were_seen_to_get_in_each_others_way() -> None:
+    calibration, features = Calibration(INTERACTION), np.zeros((1, FEATURES))
+    features[:, 0] = 1.0
+    of_one_vendor, of_two = np.array([0]), np.array([1])
+    for vendors, is_cautious in ((of_one_vendor, False), (of_two, True)):
+        estimate = calibration.estimate(features, vendors)
+        assert (estimate.deciding > estimate.probability).all() == is_cautious
+    for _ in range(300):
+        calibration.learn(features, of_one_vendor, outcomes_of(np.array([True])), NOW_S)
+    estimate = calibration.estimate(features, of_one_vendor)
+    assert estimate.deciding > estimate.probability
