@@ -187,7 +187,7 @@ class Publisher:
             await self._has_left()
 
     async def _has_left(self) -> bool:
-        is_left = self._store.leave_stuck()
+        is_left = await asyncio.to_thread(self._store.leave_stuck)
         if is_left:
             self._storing = None
             await self._begin_anew()

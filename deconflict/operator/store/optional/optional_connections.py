@@ -177,8 +177,9 @@ class OptionalConnections(SqliteConnections):
         self._is_damaged = False
 
     def note_unstored(self, has_unstored: Callable[[], bool]) -> None:
-        """The numbers of an epoch in memory need no note: none of them is given again."""
-        super().note_unstored(lambda: has_unstored() or (self.is_in_memory and self._reserved.has_unstored))
+        """The numbers of an epoch in memory need no note: none of them is given again. So nobody waits for the disk."""
+        if not self.is_in_memory:
+            super().note_unstored(has_unstored)
 
     def _begin(self) -> None:
         if not self._follows_stream and not self._known_seq:

@@ -62,7 +62,9 @@ class OptionalStore(Store):
         lock = self._number_lock
         with lock:
             self.flush()
-            if self.connections.use_again(file):
+            if not self.connections.use_again(file):
+                return
+            with suppress(StoreError):  # it is read in vain if the file fails at once, and is tried again with it
                 known = self._read_known()
                 with self.connections.changing:
                     if lock is self._number_lock:

@@ -135,3 +135,15 @@ def test_an_outlet_moves_on_while_the_disk_does_not_answer(tmp_path: Path) -> No
             moving.join(PATIENCE_S)
             assert not moving.is_alive()
         assert store.position("hook") == 3
+
+
+def test_memory_takes_what_is_published_while_a_note_waits_for_the_disk(tmp_path: Path) -> None:
+    with closing(OptionalStore(tmp_path)) as store:
+        with store.connections._note_lock:
+            assert store.leave_stuck()
+            store.accept([made(1)])
+            storing = threading.Thread(target=store.flush, daemon=True)
+            storing.start()
+            storing.join(PATIENCE_S)
+            assert not storing.is_alive()
+        assert store.unstored == 0
