@@ -76,8 +76,7 @@ def test_a_robot_is_warned_of_one_that_stands_whatever_that_one_says_of_its_way(
         x_m, yaw_rad = 60.0 * number, np.pi / 4 * number
         to_m = np.array([[x_m - 24.0, 0.3], [x_m + 12.0, 0.3]])
         standing.append(replace(_standing(f"standing {number}", x_m, is_honest=True, yaw_rad=yaw_rad), says=says))
-        other = replace(_standing(f"driving {number}", 0.0, is_honest=True), maker="Basalt")
-        driving.append(replace(other, way=Way.driven(to_m, 1.0)))
+        driving.append(replace(_standing(f"driving {number}", 0.0, is_honest=True), way=Way.driven(to_m, 1.0)))
     both = *standing, *driving
     driven = drive(both, sent_by(both, seconds), seconds)
     found = meetings(driving, standing, 10.0, seconds)

@@ -48,6 +48,8 @@ CERTAIN = 0.01
 """Shares nearer than about this to 0 or 1 count as much the same as 0 or 1."""
 CAUTION = 0.5
 """Alerts are decided by the score plus this many of its standard deviations."""
+KEEP_APART = 0.25
+"""If robots of one vendor have a first weight that is less by this than at first, no caution is needed for them."""
 MOST_WEIGHT, MOST_INFORMATION = 1e4, 1e12
 """Learned numbers beyond are damage."""
 NINETY = 1.645
@@ -194,12 +196,11 @@ class Calibration:
         return Estimate(*_share(np.array([score, score - NINETY * spread, score + NINETY * spread, cautious])))
 
     def _caution(self, vendors: Ints) -> Floats:
-        """(n,) the caution for pairs of `vendors` (n,), which have models. Robots of one vendor know of each other: a
-        warning is needed only as far as they were seen to get in each other's way as those of two vendors do."""
-        usual = self.prior.same_vendor
+        """(n,) the caution for pairs of `vendors` (n,), which have models. Robots of one vendor need less, the more
+        surely they were seen to keep out of each other's way: their fleet knows of both."""
         vendor, other_vendor = slots_of(vendors)
         own = self._models.weights[np.searchsorted(self._models.vendors, vendors), 0]
-        share = np.clip(1.0 - own / usual, 0.0, 1.0) if usual else np.ones(len(vendors))
+        share = np.clip(1.0 + (own - self.prior.same_vendor) / KEEP_APART, 0.0, 1.0)
         return CAUTION * np.where(vendor == other_vendor, share, 1.0)
 
     def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:

@@ -139,14 +139,14 @@ def test_thin_evidence_gives_a_wide_interval_and_errs_to_warning() -> None:
     assert OWN_SD[0] > 0.5
 
 
-def test_robots_of_one_vendor_are_warned_of_with_caution_once_they_were_seen_to_get_in_each_others_way() -> None:
+def test_robots_of_one_vendor_need_no_caution_once_they_were_seen_to_keep_out_of_each_others_way() -> None:
     calibration, features = Calibration(INTERACTION), np.zeros((1, FEATURES))
     features[:, 0] = 1.0
     of_one_vendor, of_two = np.array([0]), np.array([1])
-    for vendors, is_cautious in ((of_one_vendor, False), (of_two, True)):
-        estimate = calibration.estimate(features, vendors)
-        assert (estimate.deciding > estimate.probability).all() == is_cautious
-    for _ in range(300):
-        calibration.learn(features, of_one_vendor, outcomes_of(np.array([True])), NOW_S)
-    estimate = calibration.estimate(features, of_one_vendor)
-    assert estimate.deciding > estimate.probability
+    for has_learned in (False, True):
+        for vendors, is_cautious in ((of_one_vendor, not has_learned), (of_two, True)):
+            estimate = calibration.estimate(features, vendors)
+            assert (estimate.deciding > estimate.probability).all() == is_cautious
+        for _ in range(300):
+            for vendors in (of_one_vendor, of_two):
+                calibration.learn(features, vendors, outcomes_of(np.array([False])), NOW_S)
