@@ -95,13 +95,13 @@ class Engine:
         """
         self.site, self._conflicts_only, self.measures = site, conflicts_only, Measures()
         advisories, names, conflict = advisories_of(restored), PlaceNames.of(site), site.conflict
-        self.live, self.floors = LiveRobots(), FloorNumbers(self.measures)
+        named, self.live, self.floors = {each.name for each in site.vendors}, LiveRobots(), FloorNumbers(self.measures)
         self.presence = Presence(self.live, self.measures, site)
         self._crowds, self._trigger = Crowds(self.live), NearMissTrigger(conflict.clearance_m, conflict.apart_m)
         self._conflicts = ConflictLifecycle(conflict, site.reading.silent_after_s, EncounterNumbers(ordinals or {}))
         crowds, bounds = self._crowds.numbers, (conflict.clearance_m, conflict.apart_m, conflict.horizon_s)
         self.claims = PairClaims(self.live, self._conflicts, crowds)
-        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims, self.live.slots)
+        self.foresight = ProbabilityEstimator(*bounds, self.measures, crowds, self.claims, self.live.slots, named)
         self._sweep = RobotSweep(site, self.live, self.measures, crowds, self.claims)
         self._scene = LiveScene(self.live, self.presence, self.foresight, self._sweep.sweeper, names)
         self._conflicts.restore(advisory for advisory in advisories if isinstance(advisory, ConflictAdvisory))

@@ -17,7 +17,7 @@ Change = Callable[[Engine], None]
 class _Unlearning(Calibration):
     """A calibration that keeps its prior."""
 
-    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, for_all: Bools, now_s: float) -> None:
         """Learn nothing."""
 
 
@@ -27,8 +27,8 @@ class _AllAlike(Calibration):
     def estimate(self, features: Floats, vendors: Ints) -> Estimate:
         return Calibration.estimate(self, features, np.zeros_like(vendors))
 
-    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
-        Calibration.learn(self, features, np.zeros_like(vendors), outcomes, now_s)
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, for_all: Bools, now_s: float) -> None:
+        Calibration.learn(self, features, np.zeros_like(vendors), outcomes, for_all, now_s)
 
 
 class _Blind(Calibration):
@@ -39,8 +39,8 @@ class _Blind(Calibration):
     def estimate(self, features: Floats, vendors: Ints) -> Estimate:
         return Calibration.estimate(self, self._visible(features), vendors)
 
-    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
-        Calibration.learn(self, self._visible(features), vendors, outcomes, now_s)
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, for_all: Bools, now_s: float) -> None:
+        Calibration.learn(self, self._visible(features), vendors, outcomes, for_all, now_s)
 
     def _visible(self, features: Floats) -> Floats:
         features = features.copy()

@@ -15,7 +15,7 @@ import numpy as np
 from deconflict.foresight.probability.censoring import PARTS, CensoredOutcomes, counts, weights
 from deconflict.foresight.probability.pair_table import CONTACT_FEATURES, slots_of
 from deconflict.runtime.learned_state import Column, UnreadableError, count_column
-from ingest.batch import Floats, Ints
+from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import CUBE, FLOATS, INTS, MATRIX, kernel
 
 
@@ -203,11 +203,12 @@ class Calibration:
         share = np.clip(1.0 + (own - self.prior.same_vendor) / KEEP_APART, 0.0, 1.0)
         return CAUTION * np.where(vendor == other_vendor, share, 1.0)
 
-    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, now_s: float) -> None:
-        """Learn from the outcomes of n pairs of these `vendors` (n,), which had these features (n, features)."""
+    def learn(self, features: Floats, vendors: Ints, outcomes: CensoredOutcomes, for_all: Bools, now_s: float) -> None:
+        """Learn from the outcomes of n pairs of these `vendors` (n,), which had these features (n, features). Those
+        that are not `for_all` (n,) hold for pairs of the same vendors alone."""
         if not len(features):
             return
-        self.ended = _kept(self.as_of_s, now_s) * self.ended + counts(outcomes.part, outcomes.left)
+        self.ended = _kept(self.as_of_s, now_s) * self.ended + counts(outcomes.part[for_all], outcomes.left[for_all])
         self.as_of_s = now_s
         weight = OUTCOME_WEIGHT * np.where(outcomes.left, 0.0, weights(*self.ended)[outcomes.part])
         expected, happened = _share(self._scores(features, vendors)[0]), outcomes.met.astype(np.float64)
@@ -216,7 +217,9 @@ class Calibration:
             own, model = self._own(code), np.searchsorted(self._models.vendors, code)
             own.learn(features[rows], expected[rows], happened[rows], weight[rows], now_s)
             self._models.weights[model], self._models.covariance[model] = own.weights, own.covariance
-        self.of_all.learn(features, expected, happened, weight, now_s)
+        if for_all.any():
+            shared = features[for_all], expected[for_all], happened[for_all], weight[for_all]
+            self.of_all.learn(*shared, now_s)
 
     def _own(self, code: int) -> Posterior:
         if code not in self.by_vendors:

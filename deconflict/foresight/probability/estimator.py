@@ -81,20 +81,23 @@ class ProbabilityEstimator:
         crowds: Mapping[str, int] = NO_CROWDS,
         claims: Claims | None = None,
         slots: RobotSlots | None = None,
+        named: Collection[str] = (),
     ) -> None:
         """`crowds` has the robots in a crowd, and may change; for `claims` see `pair_choice`. `slots` are those of the
-        robots, and maybe of others; without any each robot keeps its slot for good."""
+        robots, and maybe of others; without any each robot keeps its slot for good. `named` are the vendors of the
+        site file: what is learned of any other counts for it alone, unless none is named."""
         self.measures = measures
         self.ledger = Ledger()
         """All errors of forecasts."""
         self.following = Ledger()
         """Errors of robots that were on their way all the time."""
         self.degradation = DegradationDetector()
-        self.start_times = StartTimes()
+        self.start_times = StartTimes(self.ledger.kinds, lambda vendor: not named or vendor in named)
         self.learning = OutcomeLearning(horizon_s, measures)
         self.bounds = Bounds(clearance_m, apart_m, horizon_s)
         """The clearance and the horizon for which probabilities are learned."""
-        self.robots = TrackedRobots(RobotSlots() if slots is None else slots, crowds)
+        own_slots = RobotSlots() if slots is None else slots
+        self.robots = TrackedRobots(own_slots, crowds, self.start_times.counts_for_all)
         """The robots, and the numbers of their vendors."""
         self.pending = PendingForecasts()
         self._stated_ways, self._doubts = blank_records(0), DoubtedRobots()
@@ -198,7 +201,7 @@ class ProbabilityEstimator:
             is_blocked=self._rollouts.is_blocked, now_s=now_s,
         )  # fmt: skip
         self._rollouts.run_due(pairs, due, self.start_times, now_s)
-        self.learning.learn(now_s, pairs, self._own_until_s, self.robots.pair_vendors)
+        self.learning.learn(now_s, pairs, self._own_until_s, self.robots)
         self._set_probabilities(now_s)
         if self.learning.is_due(now_s):
             asked = pairs[open_rows(pairs, self.pending.newest, now_s - JOINED_S)]

@@ -15,6 +15,7 @@ import numpy as np
 from deconflict.foresight.probability.calibration import CONTACT, Calibration, contact_features
 from deconflict.foresight.probability.censoring import CensoredOutcomes, outcomes_of
 from deconflict.foresight.probability.pair_table import PAIR, Pairs, has_robot_of
+from deconflict.foresight.probability.tracked_robots import TrackedRobots
 from ingest.batch import Bools, Floats, Ints
 from ingest.kernels import FLOAT, FLOATS, INT, kernel
 from ingest.measures.measures import Measures
@@ -161,13 +162,12 @@ class OutcomeLearning:
         self._asked_s = floor(now_s)
         self.questions.ask(now_s, code, features)
 
-    def learn(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil, vendors_of: Callable[[Ints], Ints]) -> None:
-        """Learn from the questions that can be answered now. `vendors_of` returns one number for the two vendors of
-        each code."""
+    def learn(self, now_s: float, pairs: Pairs, own_until_s: OwnUntil, robots: TrackedRobots) -> None:
+        """Learn from the questions that can be answered now."""
         for answer in self.questions.answered(now_s, pairs, own_until_s):
-            vendors = vendors_of(answer.code)
-            self.calibration.learn(answer.features, vendors, answer.interacted, now_s)
-            self.contact.learn(contact_features(answer.features), vendors, answer.touched, now_s)
+            vendors, for_all = robots.pair_vendors(answer.code), robots.count_for_all(answer.code)
+            self.calibration.learn(answer.features, vendors, answer.interacted, for_all, now_s)
+            self.contact.learn(contact_features(answer.features), vendors, answer.touched, for_all, now_s)
             outcomes = answer.interacted
             passed = ~outcomes.met & ~outcomes.left
             for label, is_so in (("met", outcomes.met), ("passed", passed), ("left", outcomes.left)):

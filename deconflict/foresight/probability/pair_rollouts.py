@@ -17,10 +17,12 @@ from deconflict.foresight.rollout.rollout import EVEN, NOBODY, RolloutInput, run
 from deconflict.foresight.rollout.rollout_schedule import RolloutSchedule
 from deconflict.foresight.rollout.start_samples import SAMPLES, START, quantiles
 from deconflict.foresight.rollout.start_times import StartTimes
-from ingest.batch import Bools, Ints
+from deconflict.sweep.pair_choice import nearest_of_each
+from ingest.batch import Bools, Floats, Ints
 
 MOST_DRIVEN = 3
-"""If too many robots are near each other, so many pairs for each are driven on, the nearest ones."""
+"""If too many robots are beside one, so many of its pairs are driven on, the nearest ones, and those in which it is one
+of the nearest."""
 
 
 class PairRollouts:
@@ -47,7 +49,7 @@ class PairRollouts:
         if len(slots):
             rank = robots.slots.ranks()
             slots = slots[np.argsort(rank[slots])]  # so that the result does not depend on who came first
-            nearest = np.argsort(near["near_m"], kind="stable")[: MOST_DRIVEN * len(slots)]
+            nearest = _nearest_of_each(a, b, near["near_m"])
             watched = rows_of_pairs(a[nearest], b[nearest], slots, len(robots))
             result = run_rollout(self._input(slots, watched, start_times, now_s), self._horizon_s, self._clearance_m)
             is_swapped = rank[result.a] > rank[result.b]
@@ -80,6 +82,13 @@ class PairRollouts:
             starts_s=starts_s,
             watched=watched,
         )
+
+
+def _nearest_of_each(a: Ints, b: Ints, near_m: Floats) -> Ints:
+    """Rows of the pairs of slots `a` and `b` (p,) that are among the `MOST_DRIVEN` nearest of either robot."""
+    of_pair = np.tile(np.arange(len(a)), 2)
+    rows = nearest_of_each(np.concatenate([a, b]), np.tile(near_m, 2), MOST_DRIVEN)
+    return np.unique(of_pair[rows])
 
 
 def rows_of_pairs(a: Ints, b: Ints, slots: Ints, of: int) -> Ints:

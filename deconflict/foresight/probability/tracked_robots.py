@@ -16,6 +16,7 @@ from deconflict.foresight.forecast_errors.track_kernels import (
 from deconflict.foresight.forecast_errors.trailer_tracks import BodyPairs, TrailerTracks
 from deconflict.foresight.probability.pair_table import codes, slots_of
 from deconflict.foresight.rollout.start_samples import key_of
+from deconflict.foresight.rollout.start_times import CountsForAll, always
 from deconflict.sweep.pair_choice import NO_CROWDS
 from deconflict.sweep.robot_slots import RobotSlots, lengthen
 from deconflict.sweep.shapes.shape_separations import bodies, shape_separations
@@ -68,10 +69,12 @@ COLUMNS = (
 class TrackedRobots:
     """Columns by slot, with spare slots."""
 
-    def __init__(self, slots: RobotSlots, crowds: Mapping[str, int] = NO_CROWDS) -> None:
+    def __init__(
+        self, slots: RobotSlots, crowds: Mapping[str, int] = NO_CROWDS, counts_for_all: CountsForAll = always
+    ) -> None:
         """`slots` are those of these robots, and maybe of others; they are not freed here. `crowds` has the robots that
         are in a crowd, and may change."""
-        self.slots, self._crowds = slots, crowds
+        self.slots, self._crowds, self._counts_for_all = slots, crowds, counts_for_all
         self.trailers = TrailerTracks()
         self.vendor_numbers: dict[str, int] = {}
         self._sleeping: deque[tuple[float, Collection[str]]] = deque()
@@ -219,6 +222,12 @@ class TrackedRobots:
         """(p,) one number for the two vendors of each pair, whatever their order."""
         a, b = (self.vendor[slots] for slots in slots_of(code))
         return codes(np.minimum(a, b), np.maximum(a, b))
+
+    def count_for_all(self, code: Ints) -> Bools:
+        """(p,) whether what is learned of each pair counts for the pairs of all vendors."""
+        a, b = slots_of(code)
+        counts = np.array(list(map(self._counts_for_all, self.vendor_numbers)), np.bool_)
+        return counts[self.vendor[a]] & counts[self.vendor[b]]
 
     def both_present(self, code: Ints) -> Floats:
         """(p,) the probability that both robots of each pair are present."""

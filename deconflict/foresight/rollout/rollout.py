@@ -12,8 +12,8 @@ NOBODY = -1
 ROLLED = 1
 """Features of a pair from a rollout: the log odds of getting in each other's way within the horizon."""
 MOST_BESIDE = 16
-"""If robots have more pairs than this each whose ways may meet, only the pairs under watch are driven on. Robots that
-drive through each other have so many, or such that drive very fast."""
+"""Of a robot with more than twice so many others that its way may meet, only the pairs under watch are driven on.
+Robots that drive through each other have so many, or such that drive very fast."""
 PRIOR = 0.3
 """Samples that count for, and against, before any is driven."""
 
@@ -57,7 +57,7 @@ def run_rollout(robots: RolloutInput, horizon_s: float, clearance_m: float) -> R
     box, reach_m = reaches(robots.since_s, robots.track, robots.half_m, horizon_s, clearance_m)
     floor = np.ascontiguousarray(robots.track[:, 0, 3])
     pairs = pairs_beside(box, np.argsort(box[:, 0], kind="stable"), robots.levels_m, floor)
-    edges, first = edges_of(pairs if len(pairs) <= MOST_BESIDE * len(box) else robots.watched, len(box))
+    edges, first = edges_of(_driven(pairs, robots.watched, len(box)), len(box))
     tracks = (reach_m, robots.since_s, robots.track, robots.half_m)
     samples = (robots.stands, robots.starts_s, paces(robots.key))
     edge = drive(edges, first, *tracks, *samples, horizon_s, clearance_m)
@@ -69,6 +69,15 @@ def run_rollout(robots: RolloutInput, horizon_s: float, clearance_m: float) -> R
     return RolloutResult(
         robots.slot[one_of_each_pair["robot"]], robots.slot[one_of_each_pair["other"]], features, waits_for
     )
+
+
+def _driven(pairs: Ints, watched: Ints, robots: int) -> Ints:
+    """Those of `pairs` (p, 2) of so many `robots` that are driven on; `watched` (w, 2) are those under watch."""
+    has_many = np.bincount(pairs.ravel(), minlength=robots) > 2 * MOST_BESIDE
+    if not has_many.any():
+        return pairs
+    is_watched = np.isin(pairs @ (robots, 1), watched @ (robots, 1))
+    return np.ascontiguousarray(pairs[is_watched | ~has_many[pairs].any(axis=1)])
 
 
 def _log_odds(counts: Floats) -> Floats:

@@ -7,10 +7,12 @@ for those that another robot blocks. Counts fade by a half in `HALF_LIFE_S`. The
 towards that of all kinds (a piecewise constant hazard with a gamma prior).
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.runtime.learned_state import count_column
 from ingest.batch import Bools, Floats, Ints
 
@@ -33,11 +35,21 @@ _LASTS_S: Floats = np.diff(STOOD_S)
 HALF_LIFE_S = 6 * 3600.0
 COUNTS = count_column("kinds", 2, len(STOOD_S), 2)
 
+CountsForAll = Callable[[str], bool]
+"""Whether what is learned of a vendor counts for all vendors."""
+
+
+def always(_vendor: str) -> bool:
+    return True
+
 
 @dataclass(slots=True, eq=False)
 class StartTimes:
     """Starts and seconds of standing, by kind and time stood."""
 
+    kinds: Mapping[ForecastKind, int] = field(default_factory=dict)
+    """The row of each kind, which a ledger of errors gives."""
+    counts_for_all: CountsForAll = always
     counts: Floats = field(default_factory=lambda: np.zeros((0, 2, len(STOOD_S), 2)))
     """(kinds, 2, bins, 2) starts, and seconds in which a robot could have started, faded. The second axis is whether
     the robot was blocked."""
@@ -62,7 +74,7 @@ class StartTimes:
         """(n, bins) starts a second of robots of these kinds (n,)."""
         self._make_room(int(kind.max()) + 1 if len(kind) else 0)
         side = blocked.astype(np.int64)
-        total = self.counts.sum(axis=0)
+        total = self.counts[self._rows_for_all()].sum(axis=0)
         overall = (total[..., 0] + PRIOR_S * PRIOR_PER_S) / (total[..., 1] + PRIOR_S)
         of_kind = self.counts[kind, side]
         return (of_kind[..., 0] + SHRUNK_S * overall[side]) / (of_kind[..., 1] + SHRUNK_S)
@@ -94,6 +106,14 @@ class StartTimes:
         """(n, 2, bins, 2) the counts of these kinds (n,)."""
         self._make_room(int(kind.max(initial=-1)) + 1)
         return self.counts[kind]
+
+    def _rows_for_all(self) -> Bools:
+        """(kinds,) the kinds that count for all."""
+        counts = np.ones(len(self.counts), np.bool_)
+        for kind, row in self.kinds.items():
+            if row < len(counts):
+                counts[row] = self.counts_for_all(kind.vendor)
+        return counts
 
     def _make_room(self, kinds: int) -> None:
         more = kinds - len(self.counts)

@@ -9,6 +9,7 @@ import pytest
 
 from deconflict.advisories.live_scene import MOST_VENDORS
 from deconflict.engine.engine import Engine
+from deconflict.foresight.probability.calibration import INTERACTION
 from deconflict.foresight.probability.pair_table import has_robot_of
 from deconflict.settings.fleet_factory import fleet_of
 from deconflict.sweep.contact_intervals import PairConflicts
@@ -16,9 +17,11 @@ from deconflict_client.advisory import ConflictAdvisory
 from ingest.batch import Pair
 from ingest.measures.measures import OTHER, Measures
 from ingest.port.connection import Connection
+from ingest.settings import Vendor
 from tests.deconflict.engine.made_engine import NOW_S, SITE, Course
 from tests.helpers.saying import identity, points, robot, status
 
+NAMED = SITE.model_copy(update={"vendors": (Vendor(name="Alder"),)})
 HONEST_PAIRS, OTHERS, TICKS_A_S = 8, 150, 4
 AT_ONE_ADDRESS, HONEST = Connection(1, "10.0.0.9"), Connection(2, "10.0.0.1")
 MOST_BOXES = 3 * 9
@@ -197,6 +200,21 @@ def test_vendors_that_a_source_may_have_invented_share_one_account() -> None:
     assert len(accounts) == MOST_VENDORS + 1
     assert OTHER in accounts
     assert floor.engine._scene.account(robot("H-00")) == "Alder"
+
+
+def test_what_robots_of_vendors_that_the_site_does_not_name_do_counts_for_them_alone() -> None:
+    """They cross each other's way far away from the honest ones, which nobody of the site does."""
+    they_meet = {f"M-{n}{side}": ("Mallory", crossing(n + 40, side, -36.0), 0.0) for n in range(9) for side in (0, 1)}
+    learned = []
+    for others in ({}, they_meet):
+        floor = Floor(others, engine=Engine(NAMED))
+        floor.run(25.0)
+        learned.append(floor.engine.foresight.learning)
+    alone, beside = learned
+    for name in ("calibration", "contact"):
+        assert getattr(beside, name).of_all.weights.tolist() == getattr(alone, name).of_all.weights.tolist()
+    assert len(beside.calibration.by_vendors) > len(alone.calibration.by_vendors)
+    assert alone.calibration.of_all.weights.tolist() != INTERACTION.mean.tolist()
 
 
 def test_nothing_is_learned_from_robots_that_report_what_cannot_be_true() -> None:

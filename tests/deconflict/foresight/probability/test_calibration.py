@@ -37,6 +37,18 @@ def outcomes_of(met: Bools) -> CensoredOutcomes:
     return CensoredOutcomes(np.where(met, 0, STAYED), met, np.zeros(len(met), bool))
 
 
+def learn(
+    calibration: Calibration,
+    features: Floats,
+    vendors: Ints,
+    outcomes: CensoredOutcomes,
+    now_s: float,
+    *,
+    for_all: bool = True,
+) -> None:
+    calibration.learn(features, vendors, outcomes, np.full(len(features), for_all), now_s)
+
+
 def test_the_prior_gives_a_larger_overlap_a_higher_probability() -> None:
     features, likely = pairs_of(50, 1)
     estimated = probability(Calibration(CONTACT), features)
@@ -49,7 +61,7 @@ def test_probabilities_converge_to_observed_frequencies(share: float) -> None:
     calibration, rng = Calibration(CONTACT), default_rng(2)
     for second in range(600):
         features, likely = pairs_of(5, 100 + second)
-        calibration.learn(features, alike(features), outcomes_of(rng.uniform(size=5) < share * likely), NOW_S + second)
+        learn(calibration, features, alike(features), outcomes_of(rng.uniform(size=5) < share * likely), NOW_S + second)
     features, likely = pairs_of(4000, 3)
     estimated = probability(calibration, features)
     for low in (0.0, 0.25, 0.5, 0.75):
@@ -63,7 +75,7 @@ def test_learning_is_one_newton_step() -> None:
     left = ~met & (rng.uniform(size=60) < 0.4)
     estimated = CensoredOutcomes(np.where(met | left, part, STAYED), met, left)
     calibration, before = Calibration(CONTACT), Calibration(CONTACT)
-    calibration.learn(features, alike(features), estimated, NOW_S)
+    learn(calibration, features, alike(features), estimated, NOW_S)
     known_of, left_of = (
         np.bincount(estimated.part[which], minlength=STAYED + 1).astype(np.float64) for which in (~left, left)
     )
@@ -80,16 +92,16 @@ def test_learning_is_one_newton_step() -> None:
 def test_what_was_learned_fades_to_the_prior() -> None:
     calibration = Calibration(CONTACT)
     features, _ = pairs_of(200, 4)
-    calibration.learn(features, alike(features), outcomes_of(np.ones(200, bool)), NOW_S)
+    learn(calibration, features, alike(features), outcomes_of(np.ones(200, bool)), NOW_S)
     unlearned = np.linalg.det(Calibration(CONTACT).of_all.information)
     assert np.linalg.det(calibration.of_all.information) > 3 * unlearned
-    calibration.learn(features[:1], alike(features[:1]), outcomes_of(np.ones(1, bool)), NOW_S + 86_400)
+    learn(calibration, features[:1], alike(features[:1]), outcomes_of(np.ones(1, bool)), NOW_S + 86_400)
     assert np.linalg.det(calibration.of_all.information) == pytest.approx(unlearned, rel=0.1)
 
 
 def test_nothing_known_changes_nothing() -> None:
     calibration = Calibration(CONTACT)
-    calibration.learn(np.empty((0, CONTACT_FEATURES)), np.empty(0, np.int64), outcomes_of(np.empty(0, bool)), NOW_S)
+    learn(calibration, np.empty((0, CONTACT_FEATURES)), np.empty(0, np.int64), outcomes_of(np.empty(0, bool)), NOW_S)
     assert calibration.of_all.weights.tolist() == CONTACT.mean.tolist()
 
 
@@ -102,8 +114,12 @@ def test_robots_that_leave_do_not_make_meetings_look_frequent() -> None:
         leaves_s = np.where(rng.uniform(size=10) < 0.5, rng.uniform(0, 10, 10), np.inf)
         met = meets_s < leaves_s
         part = np.minimum(np.minimum(meets_s, leaves_s), STAYED).astype(int)
-        calibration.learn(
-            features, alike(features), CensoredOutcomes(part, met, ~met & (leaves_s < np.inf)), NOW_S + second
+        learn(
+            calibration,
+            features,
+            alike(features),
+            CensoredOutcomes(part, met, ~met & (leaves_s < np.inf)),
+            NOW_S + second,
         )
     assert probability(calibration, pairs_of(4000, 6)[0]).mean() == pytest.approx(0.3, abs=0.03)
 
@@ -113,8 +129,8 @@ def test_a_pair_of_vendors_learns_weights_of_its_own() -> None:
     for second in range(900):
         features, likely = pairs_of(6, 2000 + second)
         vendors = np.array([0, 1] * 3)
-        calibration.learn(
-            features, vendors, outcomes_of((rng.uniform(size=6) < likely) & (vendors == 1)), NOW_S + second
+        learn(
+            calibration, features, vendors, outcomes_of((rng.uniform(size=6) < likely) & (vendors == 1)), NOW_S + second
         )
     features, likely = pairs_of(2000, 6)
     ordered, blind, unknown = (calibration.estimate(features, np.full(2000, vendors)) for vendors in (0, 1, 2))
@@ -123,12 +139,21 @@ def test_a_pair_of_vendors_learns_weights_of_its_own() -> None:
     assert ordered.probability.mean() < unknown.probability.mean() < blind.probability.mean()
 
 
+def test_what_counts_for_its_vendors_alone_changes_nothing_for_others() -> None:
+    calibration, features = Calibration(CONTACT), pairs_of(200, 4)[0]
+    before = calibration.estimate(features, alike(features) + 7)
+    learn(calibration, features, alike(features), outcomes_of(np.ones(200, bool)), NOW_S, for_all=False)
+    after = calibration.estimate(features, alike(features) + 7)
+    assert all(np.array_equal(*columns) for columns in zip(before, after, strict=True))
+    assert (probability(calibration, features) > before.probability).all()
+
+
 def test_thin_evidence_gives_a_wide_interval_and_errs_to_warning() -> None:
     calibration = Calibration(CONTACT)
     features, _ = pairs_of(200, 4)
     before = calibration.estimate(features, alike(features))
     for second in range(300):
-        calibration.learn(features, alike(features), outcomes_of(np.arange(200) % 2 == 0), NOW_S + second)
+        learn(calibration, features, alike(features), outcomes_of(np.arange(200) % 2 == 0), NOW_S + second)
     after = calibration.estimate(features, alike(features))
     elsewhere = calibration.estimate(features, alike(features) + 7)
     assert (before.lower < before.probability).all()
@@ -149,4 +174,4 @@ def test_robots_of_one_vendor_need_no_caution_once_they_were_seen_to_keep_out_of
             assert (estimate.deciding > estimate.probability).all() == is_cautious
         for _ in range(300):
             for vendors in (of_one_vendor, of_two):
-                calibration.learn(features, vendors, outcomes_of(np.array([False])), NOW_S)
+                learn(calibration, features, vendors, outcomes_of(np.array([False])), NOW_S)

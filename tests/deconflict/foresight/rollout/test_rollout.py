@@ -59,6 +59,14 @@ def test_of_robots_that_drive_through_each_other_only_watched_pairs_are_driven_o
     assert shares(many)[0, 1] > 0.95
 
 
+def test_robots_that_drive_through_each_other_change_nothing_for_others() -> None:
+    far_off = [((x + 100.0, y + 100.0), velocity) for (x, y), velocity in (EAST, NORTH)]
+    ways = [*far_off, *(((-6.0 + 0.1 * n, 0.0), (1.0, 0.0)) for n in range(3 * MOST_BESIDE))]
+    found = shares(run_rollout(crowd(*ways), HORIZON_S, CLEARANCE_M))
+    assert found == shares(run_rollout(crowd(*far_off), HORIZON_S, CLEARANCE_M))
+    assert found[0, 1] > 0.95
+
+
 def test_one_of_two_that_would_cross_gives_way() -> None:
     assert shares(run_rollout(crowd(EAST, NORTH), HORIZON_S, CLEARANCE_M))[0, 1] > 0.95
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from deconflict.foresight.forecast_errors.error_ledger import ForecastKind
 from deconflict.foresight.rollout.start_times import LATE_S, STOOD_S, StartTimes
-from ingest.batch import Bools, Floats
+from ingest.batch import Basis, Bools, Floats
 
 NOW_S = 1_790_000_000.0
 
@@ -55,3 +56,14 @@ def test_each_kind_is_learned_apart_and_drawn_towards_all_kinds() -> None:
     waited(start_times, 1, 15, 60)
     quick, slow, unknown = (float(weights(start_times, kind, 1.0) @ LATE_S) for kind in (0, 1, 2))
     assert quick < unknown < slow
+
+
+def test_a_kind_that_does_not_count_for_all_is_learned_for_itself_alone() -> None:
+    kinds = {ForecastKind(vendor, "", Basis.PATH): row for row, vendor in enumerate(("Alder", "Mallory", "Corvid"))}
+    start_times, alone = (StartTimes(kinds, lambda vendor: vendor != "Mallory") for _ in range(2))
+    for each in (start_times, alone):
+        waited(each, 0, 2, 200)
+    waited(start_times, 1, 15, 60)
+    for kind in (0, 2):
+        assert weights(start_times, kind, 1.0) == pytest.approx(weights(alone, kind, 1.0), abs=1e-3)
+    assert weights(start_times, 1, 1.0) @ LATE_S > 1.5 * (weights(alone, 1, 1.0) @ LATE_S)
