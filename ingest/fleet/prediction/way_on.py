@@ -90,8 +90,8 @@ def way_on(
 ) -> list[Knot]:
     """The knots of a robot after `end`, where it drives in a direction at a speed, up to a time.
 
-    It drives straight on. With a destination ahead it turns on the spot where that lies beside it, drives there, turns
-    as the destination says, and stands.
+    It drives straight on. With a destination ahead, or beside its end, it turns on the spot where that lies beside it,
+    drives there, turns as the destination says, and stands.
     """
     t_s, x, y, yaw_rad = end
     off_rad = turn_between(direction_rad, yaw_rad)
@@ -99,8 +99,9 @@ def way_on(
     if destination:
         dx, dy = destination[1] - x, destination[2] - y
         ahead_m = dx * cos(direction_rad) + dy * sin(direction_rad)
-        if 0.0 < ahead_m < straight_m:
-            straight_m, aside_m = ahead_m, dy * cos(direction_rad) - dx * sin(direction_rad)
+        beside_m = dy * cos(direction_rad) - dx * sin(direction_rad)
+        if 0.0 < ahead_m < straight_m or (-THERE_M < ahead_m <= 0.0 and abs(beside_m) > THERE_M):
+            straight_m, aside_m = max(ahead_m, 0.0), beside_m
         else:
             destination = None
     knots = [_moved(end, direction_rad, straight_m, mps)]

@@ -175,6 +175,17 @@ def test_a_robot_goes_on_towards_its_destination_and_stands_there() -> None:
     assert at(made, NOW_S + 12)[:2] == pytest.approx((5.0, 2.0))
 
 
+@pytest.mark.parametrize("off_m", [-0.3, 0.0, 0.3])
+@pytest.mark.parametrize("aside_m", [6.0, -6.0])
+def test_a_path_that_ends_at_the_corner_to_its_destination_turns_there(off_m: float, aside_m: float) -> None:
+    there = points((NOW_S + 60, 3.0 + off_m, aside_m, pi / 2))
+    made = told(fleet(), (1, 1.0, 0.0), (2, 2.0, 0.0), (3, 3.0, 0.0), destinations=there)
+    x, y, _ = at(made, NOW_S + 8)
+    assert abs(x - 3.0) <= 0.31
+    assert y * aside_m > 0.0
+    assert abs(y) > 2.0
+
+
 def test_a_robot_that_only_tells_a_destination_turns_towards_it_and_at_it() -> None:
     there = points((NOW_S - 1, 0.0, 4.0, 0.0))
     of = fleet()
