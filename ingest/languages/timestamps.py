@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
+from itertools import pairwise
 from math import floor, inf, isfinite, isnan, nan
 
 import msgspec
@@ -67,6 +68,11 @@ def point_time_s(text: str, path: str, findings: Findings) -> float:
     if stamp.findings:
         findings.update(dict.fromkeys(stamp.findings))
     return stamp.t_s
+
+
+def first_fall(times: Sequence[float]) -> list[float]:
+    """The first two neighbours of which the second is not later. Empty if there are none."""
+    return list(next((pair for pair in pairwise(times) if pair[0] >= pair[1]), ()))
 
 
 def filled(times: Sequence[float], stamp_s: float) -> list[float]:

@@ -77,7 +77,7 @@ def curve_of(trajectory: SentCurve, findings: Findings, key: str = "trajectory")
         weights = [1.0] * len(corners)
     is_long_enough = 1 <= degree <= MOST_DEGREE and degree < len(corners) <= MOST_CONTROL_POINTS
     if not (is_on_earth and is_long_enough and all(1e-9 < weight < 1e9 for weight in weights)):
-        findings["trajectory-unreadable"] = None
+        findings.note("trajectory-unreadable", f"{key}.controlPoints", corners, "not used")
         return None
     knots = _knots(trajectory.knot_vector or [], len(corners), degree, findings, key) if degree > 1 else ()
     return Curve(degree, knots, tuple((*corner, weight) for corner, weight in zip(corners, weights, strict=True)))

@@ -179,13 +179,13 @@ def _with_update(message: IsoMessage, stamp: timestamps.Stamp, memory: IsoMemory
         case StatusMessage():
             states = states_of(message.named_states or [], findings)
             if not any(state.startswith("MODE_") for state in states):
-                findings["mode-missing"] = None
+                findings.note("mode-missing", "states", message.named_states, "automatic")
             return replace(memory, states=states)
         case BatteryMessage(battery_soc=charge) if charge is not None:
+            battery_pct = min(max(charge if charge > MOST_CHARGE else 100.0 * charge, 0.0), 100.0)
             if not 0.0 <= charge <= 1.0:
-                findings["battery-out-of-range"] = None
-            battery_pct = charge if charge > MOST_CHARGE else 100.0 * charge
-            return replace(memory, battery_pct=min(max(battery_pct, 0.0), 100.0))
+                findings.note("battery-out-of-range", "batterySoc", charge, f"{battery_pct:g} %")
+            return replace(memory, battery_pct=battery_pct)
     return memory
 
 
@@ -217,7 +217,8 @@ def _identity(
     height_m = memory.height_m if memory.height_m is not None else details.imr_height or 0.0
     speed_mps = details.rated_speed
     if speed_mps is not None and not 0.0 < speed_mps <= MAX_SPEED_MPS and isfinite(speed_mps):
-        findings["speed-limit-not-positive"], speed_mps = None, None
+        findings.note("speed-limit-not-positive", "details.ratedSpeed", speed_mps, "left out")
+        speed_mps = None
     return Identity(
         uuid=uuid,
         stamp_s=time_of(stamp),

@@ -22,6 +22,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 
 MOST_POINTS = 200
 """Of a path with more points every second one is used, or every third, and so on, and the last one."""
@@ -58,7 +59,8 @@ def status_of(uuid: str, memory: IsoMemory, findings: Findings) -> Status | None
         findings.note("map-missing", "pose.locationPoint.ccsId", at.ccs_id, "compared with nothing")
     linear_mps = velocity.linear if velocity else None
     if linear_mps is not None and abs(linear_mps) > MAX_SPEED_MPS:
-        findings["speed-absurd"], linear_mps = None, None
+        findings.note("speed-absurd", "velocity.linear", linear_mps, LEFT_OUT)
+        linear_mps = None
     path, basis = along_way(memory, memory.pose, _followed(memory, memory.pose, findings))
     return Status(
         uuid,
@@ -142,7 +144,7 @@ def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findin
             continue
         at = point.location_point
         if abs(at.x) > MAX_POSITION or abs(at.y) > MAX_POSITION:
-            findings["point-absurd"] = None
+            findings.note("point-absurd", f"{key}[{row}].locationPoint", [at.x, at.y], LEFT_OUT)
         else:
             yaw_rad = point.orientation.yaw if point.orientation else None
             t_s = timestamps.point_time_s(point.timestamp, f"{key}[{row}].timestamp", findings)
@@ -153,8 +155,7 @@ def path_of(points: list[TimedPoint], key: str, stamp_s: float, findings: Findin
     times = timestamps.filled([row[0] for row in rows], stamp_s)
     rows = [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)]
     in_order = all(map(lt, times, times[1:]))
-    if len(set(times)) < len(times):
-        findings["path-times-equal"] = None
-    elif not in_order:
-        findings["path-unordered"] = None
+    if not in_order:
+        rule = "path-times-equal" if len(set(times)) < len(times) else "path-unordered"
+        findings.note(rule, f"{key}[*].timestamp", timestamps.first_fall(times), "sorted, or new times")
     return Path(tuple(rows), tuple(datums), in_order, (times[0], times[-1]))

@@ -11,7 +11,7 @@ from ingest.languages.massrobotics import path_points
 from ingest.languages.massrobotics.json_objects import Report, Velocity
 from ingest.languages.model import MAX_SPEED_MPS
 from ingest.languages.rules import Findings
-from ingest.languages.tolerance.value_reader import is_number, number_of
+from ingest.languages.tolerance.value_reader import LEFT_OUT, is_number, number_of
 
 HOUR_S = 3600.0
 LOAD_USED_KEY = "loadPercentageUsed"
@@ -46,12 +46,14 @@ def _sent(report: AmountsReport, findings: Findings) -> dict[str, float | None]:
     """The value of each key, in range. None if it was not sent."""
     battery_pct = report.batteryPercentage
     if battery_pct is not None and 0.0 < battery_pct < 1.0:
-        findings["battery-fraction"] = None
+        findings.note("battery-fraction", "batteryPercentage", battery_pct, "percent")
     available_pct = _load_available(report, findings)
     return {
-        "batteryPercentage": _percentage(battery_pct, "battery-out-of-range", findings),
-        "remainingRunTime": run_time(report.remainingRunTime, findings),
-        "loadPercentageStillAvailable": _percentage(available_pct, "load-out-of-range", findings),
+        "batteryPercentage": _percentage(battery_pct, "battery-out-of-range", "batteryPercentage", findings),
+        "remainingRunTime": run_time(report.remainingRunTime, "remainingRunTime", findings),
+        "loadPercentageStillAvailable": _percentage(
+            available_pct, "load-out-of-range", "loadPercentageStillAvailable", findings
+        ),
     }
 
 
@@ -60,24 +62,25 @@ def motion(velocity: Velocity | None, findings: Findings) -> tuple[float | None,
     if velocity is None:
         return None, None
     if velocity.linear is None:
-        findings.note("key-absent", "velocity.linear", None, "left out")
+        findings.note("key-absent", "velocity.linear", None, LEFT_OUT)
     turn_rad = path_points.yaw_rad(velocity.angular, findings) if velocity.angular else nan
-    return speed(velocity.linear, findings), None if isnan(turn_rad) else turn_rad
+    return speed(velocity.linear, "velocity.linear", findings), None if isnan(turn_rad) else turn_rad
 
 
-def speed(speed_mps: float | None, findings: Findings) -> float | None:
+def speed(speed_mps: float | None, key: str, findings: Findings) -> float | None:
+    """The speed under a key. None if it is not sent, or none that a robot can have."""
     if speed_mps is None or abs(speed_mps) <= MAX_SPEED_MPS:
         return speed_mps
-    findings["speed-absurd"] = None
+    findings.note("speed-absurd", key, speed_mps, LEFT_OUT)
     return None
 
 
 def speed_limit(speed_mps: float | None, findings: Findings) -> float | None:
     """The greatest speed of a robot. None if it is not sent or not above zero."""
-    limit_mps = speed(speed_mps, findings)
+    limit_mps = speed(speed_mps, "maxSpeed", findings)
     if limit_mps is None or limit_mps > 0:
         return limit_mps
-    findings["speed-limit-not-positive"] = None
+    findings.note("speed-limit-not-positive", "maxSpeed", speed_mps, LEFT_OUT)
     return None
 
 
@@ -101,17 +104,18 @@ def _number(value: Any, findings: Findings) -> float | None:
     return float(value) if is_number(value) else spelt
 
 
-def _percentage(value_pct: float | None, rule: str, findings: Findings) -> float | None:
-    """The value clamped to 0 to 100. A value outside deviates from `rule`."""
+def _percentage(value_pct: float | None, rule: str, key: str, findings: Findings) -> float | None:
+    """The value under a key clamped to 0 to 100. A value outside deviates from `rule`."""
     if value_pct is None or 0.0 <= value_pct <= 100.0:
         return value_pct
-    findings[rule] = None
-    return min(max(value_pct, 0.0), 100.0)
+    clamped_pct = min(max(value_pct, 0.0), 100.0)
+    findings.note(rule, key, value_pct, f"{clamped_pct:g}")
+    return clamped_pct
 
 
-def run_time(hours: float | None, findings: Findings) -> float | None:
-    """Hours, not negative."""
+def run_time(hours: float | None, key: str, findings: Findings) -> float | None:
+    """The hours under a key, not negative."""
     if hours is None or hours >= 0.0:
         return hours
-    findings["run-time-negative"] = None
+    findings.note("run-time-negative", key, hours, "0")
     return 0.0

@@ -30,7 +30,7 @@ def message_document(raw: bytes) -> dict[str, Any]:
     if isinstance(report, StatusReport):
         _spell_status(document, report)
     elif report.maxRunTime is not None:
-        document["maxRunTime"] = amounts.run_time(report.maxRunTime, Findings())
+        document["maxRunTime"] = amounts.run_time(report.maxRunTime, "maxRunTime", Findings())
     return document
 
 

@@ -70,7 +70,7 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         findings["text-empty"] = None
     if max(map(len, texts)) > MAX_TEXT:
         findings["text-too-long"] = None
-    amounts.run_time(report.maxRunTime, findings)
+    amounts.run_time(report.maxRunTime, "maxRunTime", findings)
     max_speed_mps = amounts.speed_limit(report.maxSpeed, findings)
     return Identity(
         uuid=uuid,
@@ -149,10 +149,10 @@ def _note_unknown_keys(report: Report, findings: Findings, path: str = "") -> No
 
 def _error_codes(codes: Sequence[str], findings: Findings) -> tuple[str, ...]:
     if len(codes) > MOST_CODES or max(map(len, codes)) > MOST_CODE_LETTERS:
-        findings["codes-too-many"] = None
+        findings.note("codes-too-many", "errorCodes", len(codes), f"the first {MOST_CODES}, cut")
         codes = bounded_codes(codes)
     if len(set(codes)) < len(codes):
-        findings["duplicate-items"] = None
+        findings.note("duplicate-items", "errorCodes", codes, "as sent")
     if not all(code.strip() for code in codes):
-        findings["text-empty"] = None
+        findings.note("text-empty", "errorCodes", codes, "left out")
     return tuple(code for code in codes if code.strip())

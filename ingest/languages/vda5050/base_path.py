@@ -137,7 +137,7 @@ def _legs_ahead(memory: VdaMemory, state: StateMessage, findings: Findings) -> l
         passed = order.number_of(state.last_node_id, state.last_node_sequence_id)
         return [leg for number, leg in order.legs() if number > passed]
     if state.node_states and order is memory.unheard:
-        findings["order-unseen"] = None
+        findings.note("order-unseen", "orderId", state.order_id, "as the state, or earlier orders, have its nodes")
     return list(legs_of_state(state, order, findings))
 
 

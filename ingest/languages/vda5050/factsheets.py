@@ -26,8 +26,9 @@ def identity_of(
         findings.note("envelope-not-positive", "physicalParameters", sides, "the default envelope")
         length_m, width_m, offset_m, outline = 0.0, 0.0, (0.0, 0.0), None
     max_speed_mps = abilities_of(message).max_speed_mps
-    if max_speed_mps is None and _speed_mps(parameters) is not None:
-        findings["speed-limit-not-positive"] = None
+    if max_speed_mps is None and (sent_mps := _speed_mps(parameters)) is not None:
+        key = "speedMax" if parameters.maximum_speed is None else "maximumSpeed"
+        findings.note("speed-limit-not-positive", f"physicalParameters.{key}", sent_mps, "left out")
     return Identity(
         uuid=uuid,
         stamp_s=time_of(stamp),

@@ -145,12 +145,12 @@ def with_update(known: tuple[Order, ...], newest: Order, findings: Findings) -> 
     if newest.update_id is None:
         newest = msgspec.structs.replace(newest, update_id=before.update_id)
     elif before.update_id is not None and newest.update_id < before.update_id:
-        findings["order-outdated"] = None
+        findings.note("order-outdated", "orderUpdateId", newest.update_id, "used once a state names it")
         return known
     newest = _continuing(before, newest, findings)
     first = min(newest.nodes, default=0)
     if first > 0 and first not in before.nodes:
-        findings["order-gap"] = None
+        findings.note("order-gap", "nodes[0].sequenceId", first, "used from there on")
     kept = {number: _passable(node) for number, node in before.nodes.items() if number < first}
     kept_edges = {number: edge for number, edge in before.edges.items() if number <= first}
     nodes = dict(sorted((kept | newest.nodes).items())[-MOST_NODES:])
@@ -283,7 +283,7 @@ def legs_of_state(state: StateMessage, order: Order | None, findings: Findings) 
     for number, node, before in states_ahead(state, order, findings):
         ordered, edge = nodes.get(number), edges.get(number)
         if ordered and not ordered.is_meant_by(node.node_id):
-            findings["order-unseen"] = None
+            findings.note("order-unseen", "nodeStates[*].nodeId", node.node_id, "as the state has it")
             ordered = edge = None
         place = _place(node, ordered, findings)
         first = -1 if before is None else before
@@ -311,7 +311,7 @@ def _edge(edge: Edge, end: NodePlace | None, is_curve_kept: bool, findings: Find
     if edge.trajectory and is_curve_kept:
         curve = curve_to(end, edge.trajectory, findings)
     elif edge.trajectory:
-        findings["curves-too-many"] = None
+        findings.note("curves-too-many", "edges[*].trajectory", edge.sequence_id, "straight")
     speed_mps = edge.maximum_speed if edge.maximum_speed is not None else edge.max_speed
     turn_radps, is_global = edge.max_rotation_speed, edge.orientation_type == "GLOBAL"
     return OrderEdge(_positive(speed_mps), _positive(turn_radps), edge.orientation, is_global, curve)

@@ -23,6 +23,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.tolerant_json import time_of
+from ingest.languages.tolerance.value_reader import LEFT_OUT
 from ingest.languages.vda5050.base_path import NO_DRIVE, OrderedDrive, drive, order_by
 from ingest.languages.vda5050.orders import is_released, states_ahead
 from ingest.languages.vda5050.seen.base_ends import speed_mps
@@ -39,6 +40,7 @@ from ingest.languages.vda5050.vda_messages import (
 from ingest.sizes.stated_loads import StatedLoad
 
 MOST_WAYPOINTS = 200
+POLYLINE = "intermediatePath.polyline"
 BLOCKING_LEVELS = frozenset(("CRITICAL", "FATAL", "UNKNOWN"))
 WAITING = frozenset(("waitingExternalEvent", "waitingInternalEvent"))
 BUSY = frozenset(("INITIALIZING", "RUNNING", "PAUSED"))
@@ -127,7 +129,7 @@ def _motion(velocity: Velocity2d | None, findings: Findings) -> _Motion:
     across_mps = velocity.vy or 0.0
     speed_mps = hypot(velocity.vx or 0.0, across_mps)
     if not speed_mps <= MAX_SPEED_MPS:
-        findings["speed-absurd"] = None
+        findings.note("speed-absurd", "velocity", [velocity.vx, velocity.vy], LEFT_OUT)
         return _Motion(turn_radps=velocity.omega)
     if abs(across_mps) <= DRIVES_MPS:
         return _Motion(velocity.vx, 0.0, velocity.omega)
@@ -193,8 +195,9 @@ def _amounts(state: StateMessage, findings: Findings) -> Amounts:
     power = state.power_supply or state.battery_state
     charge = (power.state_of_charge if power.state_of_charge is not None else power.battery_charge) if power else None
     if charge is not None and not 0.0 <= charge <= 100.0:
-        findings["battery-out-of-range"] = None
-        charge = min(max(charge, 0.0), 100.0)
+        key = "powerSupply.stateOfCharge" if state.power_supply else "batteryState.batteryCharge"
+        sent, charge = charge, min(max(charge, 0.0), 100.0)
+        findings.note("battery-out-of-range", key, sent, f"{charge:g}")
     load_pct = nan if state.loads is None else 100.0 if state.loads else 0.0
     return Amounts(nan if charge is None else charge, nan, load_pct)
 
@@ -214,20 +217,20 @@ def _intermediate(sent: IntermediatePath | None, stamp_s: float, findings: Findi
     rows: list[Row] = []
     for number, point in enumerate(sent.polyline[:MOST_WAYPOINTS] if sent else ()):
         if abs(point.x) > MAX_POSITION or abs(point.y) > MAX_POSITION:
-            findings["point-absurd"] = None
+            findings.note("point-absurd", f"{POLYLINE}[{number}]", [point.x, point.y], LEFT_OUT)
         else:
             yaw_rad = nan if point.theta is None else remainder(point.theta, 2 * pi)
-            t_s = timestamps.point_time_s(point.eta, f"intermediatePath.polyline[{number}].eta", findings)
+            t_s = timestamps.point_time_s(point.eta, f"{POLYLINE}[{number}].eta", findings)
             rows.append((t_s, point.x, point.y, yaw_rad))
     if not rows:
         return NO_PATH
     times = timestamps.filled([row[0] for row in rows], stamp_s)
     rows = [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)]
     if max(times) <= stamp_s:
-        findings["path-past"] = None
+        findings.note("path-past", f"{POLYLINE}[*].eta", max(times), "new times by speed")
     in_order = all(map(lt, times, times[1:]))
     if not in_order:
-        findings["path-unordered"] = None
+        findings.note("path-unordered", f"{POLYLINE}[*].eta", timestamps.first_fall(times), "sorted, or new times")
     return Path(tuple(rows), ("",) * len(rows), in_order, (times[0], times[-1]))
 
 

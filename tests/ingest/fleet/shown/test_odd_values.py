@@ -1,7 +1,18 @@
 """The values of a robot's messages that deviate, for people."""
 
+import pytest
+
 from ingest.fleet.shown.odd_values import MOST_KEPT, MOST_OF_VENDOR, OddValues, by_vendor
 from ingest.languages.rules import Findings, Oddity
+from ingest.languages.timestamps import write
+from ingest.port.connection import Connection
+from tests.helpers.iso_saying import identity as iso_identity
+from tests.helpers.iso_saying import iso, odometry, states, trajectory
+from tests.helpers.iso_saying import line as iso_line
+from tests.helpers.saying import identity, status
+from tests.helpers.vda_saying import factsheet, state, state_3
+from tests.helpers.vda_saying import line as vda_line
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, documents, hall
 
 MAP = Oddity("number-as-text", "agvPosition.mapId", "3", 'read as "3"')
 KEY = Oddity("key-unknown", "location.planarDatm", '"hall"', "not read", "planarDatum")
@@ -70,3 +81,47 @@ def test_a_vendors_values_are_bounded() -> None:
         values.note(tuple(MAP._replace(path=f"a{number}.{i}") for i in range(MOST_KEPT)), 1.0)
         robots.append(("Alder", values.newest_first()))
     assert len(by_vendor(robots)["Alder"]) == MOST_OF_VENDOR
+
+
+FAR = {"x": 2e7, "y": 0.0, "theta": 0.0}
+FASTER, LATER = {"vx": 300.0, "vy": 0.0, "omega": 0.0}, NOW_S + 2
+WAY = [{"x": 1.0, "y": 0.0, "eta": write(LATER)}, {"x": 2.0, "y": 0.0, "eta": write(NOW_S + 1)}]
+NAMED: list[tuple[str, Connection, bytes, str, str]] = [
+    ("battery-out-of-range", vda_line("state"), state(NOW_S, batteryState={"batteryCharge": 180.0}), "180.0", "100"),
+    ("speed-absurd", vda_line("state"), state(NOW_S, velocity=FASTER), "[300.0, 0.0]", "left out"),
+    ("point-absurd", vda_line("state"), state_3(NOW_S, intermediatePath={"polyline": [FAR]}), "[20000000.0, 0.0]", ""),
+    ("path-unordered", vda_line("state"), state_3(NOW_S, intermediatePath={"polyline": WAY}), f"[{LATER:.1f}, ", ""),
+    ("path-past", vda_line("state"), state_3(LATER + 5, intermediatePath={"polyline": WAY[:1]}), f"{LATER:.1f}", ""),
+    (
+        "speed-limit-not-positive",
+        vda_line("factsheet"),
+        factsheet(NOW_S, physicalParameters={"speedMax": -1.0, "length": 1.0, "width": 1.0}),
+        "-1.0",
+        "left out",
+    ),
+    ("speed-absurd", iso_line("odometry"), odometry(NOW_S, speed=-300.0), "-300.0", "left out"),
+    ("mode-missing", iso_line("status"), states(NOW_S, "PARKED"), '["PARKED"]', "automatic"),
+    ("battery-out-of-range", iso_line("batteryStatus"), iso(NOW_S, batterySoc=-0.5), "-0.5", "0 %"),
+    ("speed-limit-not-positive", iso_line("identity"), iso_identity(NOW_S, ratedSpeed=0.0), "0.0", "left out"),
+    ("point-absurd", iso_line("localTrajectory"), trajectory(NOW_S, (NOW_S, 2e7, 0.0)), "[20000000.0, 0.0]", ""),
+    ("path-times-equal", iso_line("localTrajectory"), trajectory(NOW_S, (LATER, 0, 0), (LATER, 1, 0)), "[", ""),
+    ("battery-out-of-range", LINE, status("A", NOW_S, batteryPercentage=-3.0), "-3.0", "0"),
+    ("battery-fraction", LINE, status("A", NOW_S, batteryPercentage=0.7), "0.7", "percent"),
+    ("run-time-negative", LINE, status("A", NOW_S, remainingRunTime=-1.0), "-1.0", "0"),
+    ("speed-absurd", LINE, status("A", NOW_S, velocity={"linear": 300.0}), "300.0", "left out"),
+    ("duplicate-items", LINE, status("A", NOW_S, errorCodes=["E1", "E1"]), '["E1", "E1"]', "as sent"),
+    ("speed-limit-not-positive", LINE, identity("A", NOW_S, maxSpeed=-2.0), "-2.0", "left out"),
+]
+
+
+@pytest.mark.parametrize(("rule", "connection", "raw", "value", "reading"), NAMED)
+def test_a_value_out_of_range_is_named_with_its_path_and_how_it_is_read(
+    rule: str, connection: Connection, raw: bytes, value: str, reading: str
+) -> None:
+    of = hall()
+    of.receive(raw, LATER + 5, connection)
+    (shown,) = documents(of)
+    (named,) = [odd for odd in shown["odd_values"] if odd["rule"] == rule]
+    assert named["path"]
+    assert named["value"].startswith(value)
+    assert named["reading"].startswith(reading)
