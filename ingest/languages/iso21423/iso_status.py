@@ -22,6 +22,7 @@ from ingest.languages.model import (
 )
 from ingest.languages.rules import Findings
 from ingest.languages.tolerance.spelling import folded
+from ingest.languages.tolerance.value_kinds import UNKNOWN
 from ingest.languages.tolerance.value_reader import LEFT_OUT
 
 MOST_POINTS = 200
@@ -29,7 +30,8 @@ MOST_POINTS = 200
 OUTDATED_S = 3.0
 """A trajectory should come once a second. One that is so much older than the pose is followed only while it goes on
 beside it."""
-BLOCKED = frozenset(("STOP_CATEGORY_0", "STOP_CATEGORY_1", "STOP_CATEGORY_2", "BLOCKED"))
+BLOCKED = frozenset(("STOP_CATEGORY_0", "STOP_CATEGORY_1", "STOP_CATEGORY_2", "BLOCKED", UNKNOWN))
+"""A robot in one of these stands if it does not move."""
 BY_STATE = {
     "OFFLINE": "offline",
     "CHARGING": "charging",
@@ -120,17 +122,16 @@ def _speed_mps(velocity: Speeds | None) -> float:
 
 
 def states_of(sent: list[str], findings: Findings) -> tuple[str, ...]:
-    """The states in the standard's spelling; those that it does not have are left out."""
+    """The states in the standard's spelling; `UNKNOWN` stands for those that it does not have."""
     states = []
     for row, name in enumerate(sent[:MOST_STATES]):
         state = name if name in BY_SPELLING.values() else BY_SPELLING.get(folded(name), "")
         path = f"states[{row}]"
         if not state:
             findings.note("word-unknown", path, name, "by what the robot does")
-            continue
-        if state != name:
+        elif state != name:
             findings.note("word-spelling", path, name, state)
-        states.append(state)
+        states.append(state or UNKNOWN)
     return tuple(states)
 
 

@@ -186,7 +186,7 @@ def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
     if stop not in {"NONE", "UNKNOWN"}:
         return True
-    is_hindered = stop == "UNKNOWN" or bool(safety and safety.field_violation)
+    is_hindered = "UNKNOWN" in (stop, state.operating_mode) or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
     return (is_hindered or is_faulty) and not state.driving
 

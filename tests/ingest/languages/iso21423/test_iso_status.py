@@ -38,7 +38,7 @@ def test_the_state_is_the_nearest_of_the_states_that_all_languages_share(
     )
 
 
-@pytest.mark.parametrize("name", ["STOP_CATEGORY_0", "STOP_CATEGORY_2", "BLOCKED"])
+@pytest.mark.parametrize("name", ["STOP_CATEGORY_0", "STOP_CATEGORY_2", "BLOCKED", "DANCING"])
 def test_a_stopped_robot_is_blocked_also_in_manual_mode(name: str) -> None:
     assert IsoListener().status_after(HERE, ("status", states(T, "MODE_MANUAL", name))).is_blocked
     assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", "STOPPED"))).is_blocked
@@ -46,7 +46,8 @@ def test_a_stopped_robot_is_blocked_also_in_manual_mode(name: str) -> None:
 
 def test_a_robot_that_moves_is_not_blocked_whatever_it_says() -> None:
     moving = ("odometry", odometry(T + 1, 1.0, 2.0, 0.0, -0.2))
-    assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", "BLOCKED")), moving).is_blocked
+    for name in ("BLOCKED", "DANCING", "MODE_DANCING"):
+        assert not IsoListener().status_after(HERE, ("status", states(T, "MODE_AUTO", name)), moving).is_blocked
 
 
 @pytest.mark.parametrize("key", ["states", "operatingStates", "operating_states", "STATES"])

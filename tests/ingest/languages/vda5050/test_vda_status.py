@@ -136,6 +136,7 @@ HINDRANCES: tuple[dict[str, Any], ...] = (
     {"errors": [{"errorType": "e", "errorLevel": "FATAL"}]},
     {"errors": [{"errorType": "e", "errorLevel": "critical"}]},
     {"errors": [{"errorType": "e", "errorLevel": "GHASTLY"}]},
+    {"operatingMode": "SUPERVISED"},
 )
 
 
