@@ -169,6 +169,8 @@ class Status(msgspec.Struct, frozen=True, gc=False, eq=False):
     """What the path is derived from: the robot's own times, or an order."""
     is_blocked: bool = False
     """Whether it can't move, whatever its error codes are."""
+    is_hindered: bool = False
+    """Whether it reports what blocks robots, and says that it drives: it can't move if it goes on standing."""
     is_lost: bool = False
     """Whether it does not know where it is, whatever its error codes are."""
     deviation_m: float = 0.0

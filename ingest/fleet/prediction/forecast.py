@@ -51,7 +51,8 @@ from ingest.languages.model import Status
 
 NO_LETTERS = re.compile(r"[\W_]+")
 SETS_OFF_S = 3.0
-"""A robot that has a destination and stands sets off again, or begins to drive, within this time, or it is held up."""
+"""A robot that has a destination and stands sets off again, or begins to drive, within this time, or it is held up. So
+does one that reports what blocks robots and says that it drives."""
 
 
 def forecast(status: Status, here: Sighting, context: ForecastContext, paces: Paces) -> Forecast:
@@ -108,7 +109,8 @@ class _Route(NamedTuple):
         status, here = self.status, self.here
         drives = here.is_driving or here.is_turning
         has_error = matches(status.error_codes, self.context.reading.blocking_errors)
-        if drives or not (status.is_blocked or has_error):
+        is_stuck = status.is_hindered and here.standing_s > SETS_OFF_S
+        if drives or not (status.is_blocked or is_stuck or has_error):
             if status.state == "manualOverride":
                 if (here.linear_mps or here.is_turning) and not isnan(here.yaw_rad):
                     return Basis.VELOCITY, self._by_velocity()

@@ -68,6 +68,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
     path = pose.path if driven.path is NO_PATH else driven.path
     planned = _planned_end(pose.plan, stamp.t_s)
+    is_blocked, is_hindered = _hindrance(state, speed_mps(pose.velocity))
     return Status(
         uuid,
         stamp.t_s,
@@ -87,7 +88,8 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         path,
         tuple(findings),
         path_basis=basis,
-        is_blocked=_is_blocked(state, speed_mps(pose.velocity)),
+        is_blocked=is_blocked,
+        is_hindered=is_hindered,
         is_lost=position.is_lost,
         deviation_m=max(position.deviation_range or 0.0, 0.0),
         loads=_loads(state.loads or []),
@@ -178,17 +180,19 @@ def _standing_state(memory: VdaMemory, state: StateMessage) -> str:
     return "waitingExternalEvent" if state.new_base_request or state.node_states else "idle"
 
 
-def _is_blocked(state: StateMessage, reported_mps: float) -> bool:
-    """Whether it can't move. A robot that drives can, whatever errors, fields and unknown words it reports."""
+def _hindrance(state: StateMessage, reported_mps: float) -> tuple[bool, bool]:
+    """Whether it can't move, and whether it can't although it says that it drives, if it goes on standing. A robot that
+    drives can, whatever errors, fields and unknown words it reports."""
     if reported_mps > DRIVES_MPS:
-        return False
+        return False, False
     safety = state.safety_state
     stop = (safety.active_emergency_stop or safety.e_stop or "NONE") if safety else "NONE"
     if stop not in {"NONE", "UNKNOWN"}:
-        return True
+        return True, False
     is_hindered = "UNKNOWN" in (stop, state.operating_mode) or bool(safety and safety.field_violation)
     is_faulty = any(error.error_level in BLOCKING_LEVELS for error in state.errors or ())
-    return (is_hindered or is_faulty) and not state.driving
+    is_hindered |= is_faulty
+    return is_hindered and not state.driving, is_hindered and bool(state.driving)
 
 
 def _amounts(state: StateMessage, findings: Findings) -> Amounts:

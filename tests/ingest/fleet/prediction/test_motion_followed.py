@@ -389,6 +389,32 @@ def test_a_robot_with_an_error_that_moves_all_the_same_keeps_its_order() -> None
     assert bases[2:] == [stands, moves, moves, stands]
 
 
+HINDERED: tuple[dict[str, Any], ...] = (
+    {"errors": [{"errorType": "motor", "errorLevel": "FATAL"}]},
+    {"safetyState": {"eStop": "NONE", "fieldViolation": True}},
+    {"safetyState": {"eStop": "HALTED", "fieldViolation": False}},
+)
+
+
+@pytest.mark.parametrize("keys", HINDERED)
+@pytest.mark.parametrize("stated", [{"vx": 0.0, "vy": 0.0, "omega": 0.0}, None])
+def test_a_hindered_robot_that_only_says_that_it_drives_stands_once_it_has_stood(
+    keys: dict[str, Any], stated: dict[str, float] | None
+) -> None:
+    of, nodes = hall(), [node(0, 0.0), node(1, 40.0)]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    bases = []
+    for s in range(9):
+        raw = under_way(NOW_S + s, 1.0 + max(s - 6, 0), 0.0, nodes[1:], velocity=stated, **keys)
+        of.receive(raw, NOW_S + s, line("state"))
+        (robot,) = of.robots.values()
+        assert robot.forecast is not None
+        bases.append(robot.forecast.basis)
+    assert bases[:3] == [Basis.ORDER] * 3
+    assert bases[4:7] == [Basis.STATIONARY] * 3
+    assert bases[8] is Basis.ORDER
+
+
 @pytest.mark.parametrize("every_s", [1.0, 5.0, 20.0])
 def test_a_robot_that_says_nothing_but_its_place_is_foreseen_by_its_displacement(every_s: float) -> None:
     of = hall()
