@@ -58,7 +58,8 @@ NAMED = UUID("5e0f8c1c-21d9-5b34-8b1f-2142300000aa")
 """Namespace of the UUIDs of robots whose topic has none."""
 NO_OUTLINE = Outline(0.0, 0.0)
 NAMES = KnownNames(
-    frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values()))
+    frozenset(("pose", "velocity", "locationPoint", "x", "y", "ccsId", "orientation", "yaw", *KEYS.values())),
+    keys={"position": ("locationPoint",), "location": ("locationPoint",)},
 )
 MOST_CHARGE = 1.5
 """A battery that is fuller is sent in percent; one that is less so is full, but for calibration."""

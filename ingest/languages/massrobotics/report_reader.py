@@ -8,6 +8,7 @@ duplicate keys the last one holds.
 import json
 from collections.abc import Iterator, Mapping
 from functools import cache, reduce
+from itertools import chain
 from operator import getitem
 from typing import Any
 
@@ -20,12 +21,12 @@ from ingest.languages.massrobotics.path_points import MOST_POINTS_USED
 from ingest.languages.massrobotics.report_models import IdentityReport, StatusReport
 from ingest.languages.rules import Findings, RejectedError
 from ingest.languages.tolerance.nesting import moved, unwrapped
-from ingest.languages.tolerance.spelling import folded, nearest
+from ingest.languages.tolerance.spelling import PLACE_NAMES, folded, nearest
 from ingest.languages.tolerance.tolerant_json import parsed
 from ingest.languages.tolerance.value_kinds import object_kind
 from ingest.languages.tolerance.value_reader import ValueReader, is_number
 
-NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
+NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = dict.fromkeys(PLACE_NAMES, ("location",)) | {
     "pose": ("location", "angle"),
     "posequaternion": ("angle",),
     "posequaternions": ("angle",),
@@ -44,7 +45,8 @@ NAMES_OF_THE_TEXT: dict[str, tuple[str, ...]] = {
     "visualthumbnailimage": ("thumbnailImage",),
     "linktoproductdocumentation": ("productDocumentation",),
 }
-"""Names of keys in the text of the standard, folded, and those of its schema, of which an object has one."""
+"""Names of keys in the text of the standard, folded, and those of its schema, of which an object has one; and other
+names of the location."""
 NAMES_WITH_SIDES = NAMES_OF_THE_TEXT | {"length": ("x",), "width": ("y",), "height": ("z",)}
 """And other names of the sides of an envelope. A place has none: a height beside it is that of something else."""
 NEEDED = frozenset(("linear",))
@@ -204,7 +206,7 @@ def _plain(misfit: Mapping[str, Any]) -> str:
 
 
 def _model(document: dict[str, Any]) -> type[IdentityReport | StatusReport] | None:
-    for model, keys in ((StatusReport, _STATUS_KEYS), (IdentityReport, _IDENTITY_KEYS)):
-        if keys & document.keys() or any(meant_key(key, model) in keys for key in document):
-            return model
-    return None
+    models = (StatusReport, _STATUS_KEYS), (IdentityReport, _IDENTITY_KEYS)
+    as_spelt = (model for model, keys in models if keys & document.keys())
+    as_meant = (model for model, keys in models if any(meant_key(key, model) in keys for key in document))
+    return next(chain(as_spelt, as_meant), None)

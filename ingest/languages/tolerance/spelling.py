@@ -7,6 +7,8 @@ MOST_LETTERS = 80
 LEAST_ALIKE = 0.75
 """Share of the letters of two keys that agree, if one may be meant for the other."""
 _CACHED = 4096
+PLACE_NAMES = "position", "pose", "currentposition", "currentpose", "currentlocation", "robotposition", "robotpose"
+"""Keys, folded, under which senders say where a robot is, whatever the standard calls it."""
 
 
 def folded(text: str) -> str:

@@ -103,6 +103,8 @@ class KnownNames(NamedTuple):
     """From words of no enumeration to those that are meant, both folded."""
     counter: str = ""
     """The key that counts the objects of a list by twos."""
+    keys: Mapping[str, tuple[str, ...]] = {}
+    """From other names of keys, folded, to those in the schema, of which an object has one."""
 
 
 def decoded(
@@ -243,7 +245,7 @@ def _without_null(annotation: Any) -> Any:
 
 def _repaired(model: type[Model], raw: bytes, findings: Findings, names: KnownNames) -> Model:
     """The message read value by value."""
-    reader = ValueReader(findings, word_aliases=names.words, needed=names.needed, counter=names.counter)
+    reader = ValueReader(findings, names.keys, names.words, names.needed, names.counter)
     read, _ = reader.read(parsed(raw, findings), object_kind(model))
     return msgspec.convert(read, model)
 

@@ -79,7 +79,7 @@ class ValueReader:
             if key in kind.keys:
                 continue
             meant = kind.meant(folded(key), self.key_aliases)
-            if meant and meant not in respelt:
+            if meant and meant not in respelt and _may_be(value, kind.keys[meant]):
                 respelt[meant] = value
                 self.findings.note("key-spelling", _under(path, key), value, f"read as {meant}", meant)
                 continue
@@ -221,6 +221,11 @@ def _is_proper(value: Any, known: KeyKind) -> bool:
     if kind is float:
         return (found is float or found is int) and -LARGEST < value < LARGEST
     return found is kind or (isinstance(kind, Words) and found is str and value in kind.terms)
+
+
+def _may_be(value: Any, known: KeyKind) -> bool:
+    """Whether a value under another name may be what is meant: a text is no object."""
+    return isinstance(value, dict | list) or not isinstance(known.kind, ObjectKind)
 
 
 def _is_place(value: Any) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 from msgspec.structs import fields
 
 from ingest.languages.rules import Findings
+from ingest.languages.tolerance.spelling import PLACE_NAMES
 from ingest.languages.tolerance.tolerant_json import KnownNames, decoded, lacks_required
 from ingest.languages.vda5050.vda_messages import KINDS, REQUIRED, Header, OrderMessage, StateMessage
 
@@ -35,8 +36,9 @@ NAMES = KnownNames(
         "done": "finished",
     },
     "sequenceId",
+    dict.fromkeys(PLACE_NAMES, ("agvPosition", "nodePosition")),
 )
-"""Keys of which a likeness is noticed, and words that senders use beside those of the enumerations."""
+"""Keys of which a likeness is noticed, and words and keys that senders use beside those of the standard."""
 
 
 def read_message(kind: str, raw: bytes, findings: Findings, before: StateMessage | None, *, is_first: bool) -> Header:
