@@ -67,7 +67,6 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
     driven = _driven(memory, state, pose, operational, findings)
     basis = Basis.ORDER if pose.path is NO_PATH else Basis.PATH
     path = pose.path if driven.path is NO_PATH else driven.path
-    planned = _planned_end(pose.plan, stamp.t_s)
     is_blocked, is_hindered = _hindrance(state, speed_mps(pose.velocity))
     return Status(
         uuid,
@@ -84,7 +83,7 @@ def status_of(uuid: str, memory: VdaMemory, findings: Findings) -> Status | None
         motion.turn_radps,
         _amounts(state, findings),
         bounded_codes([error.error_type for error in state.errors or () if error.error_type.strip()]),
-        planned if driven.destinations is NO_PATH else driven.destinations,
+        _planned_end(pose.plan, stamp.t_s) if driven.destinations is NO_PATH else driven.destinations,
         path,
         tuple(findings),
         path_basis=basis,

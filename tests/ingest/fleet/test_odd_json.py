@@ -66,6 +66,6 @@ def test_a_robot_is_placed_by_whatever_key_says_where_it_is(connection: Connecti
 
 def test_an_identity_that_says_where_its_robot_is_stays_an_identity() -> None:
     of = fleet()
-    told = json.loads(saying.identity("A-1", NOW_S)) | {"position": POINT, "robotModel": None}
-    assert of.receive(json.dumps(told).encode(), NOW_S, LINE) is None
+    sent = json.loads(saying.identity("A-1", NOW_S)) | {"position": POINT, "robotModel": None}
+    assert of.receive(json.dumps(sent).encode(), NOW_S, LINE) is None
     assert documents(of)[0]["identified"]
