@@ -21,12 +21,13 @@ from ingest.fleet.prediction.forecast_model import (
     with_load,
 )
 from ingest.fleet.prediction.pace import PaceBook, Paces
+from ingest.fleet.prediction.path_forecast import leads_elsewhere
 from ingest.fleet.prediction.position_unit import unit_moves
 from ingest.fleet.robot import Robot
 from ingest.frames.floor_index import NOWHERE, FloorIndex
 from ingest.frames.frame_registry import LONGEST_NAME, Frame, FrameRegistry
 from ingest.frames.towing import towed_along
-from ingest.languages.model import Rejection, Status
+from ingest.languages.model import NO_PATH, Rejection, Status
 from ingest.languages.rules import MOST_LETTERS, POSITION_IN_OTHER_UNIT, Oddity
 from ingest.settings import Reading
 from ingest.shapes import Shape
@@ -40,6 +41,8 @@ if TYPE_CHECKING:  # a receiver starts without numba
 
 BEGUN_S = 1.0
 """A path of a robot that sends no stamp may have begun so long ago, for it should be renewed once a second."""
+ASTRAY_M = 3.0
+"""A robot that has driven so far elsewhere than its order leads is not on that way. At corners it is for less."""
 MAX_CONTEXTS = 1024
 """Forecast contexts that are kept. Robots of one kind share one."""
 TRAILERS_STRAIGHT_M = 10.0
@@ -154,6 +157,7 @@ class Placement:
         robot.was_blocked = status.is_blocked
         robot.pace.observe(robot.seen)
         robot.pace.kind = None
+        status, unknown = self._on_own_floor(robot, status, last, context)
         robot.forecast = forecast(status, robot.seen, context, Paces(robot.pace, robot.seen))
         is_by_path = robot.forecast.basis is Basis.PATH and robot.seen.is_driving
         is_timed = robot.pace.path_share != 1.0 or "path-retimed" not in robot.forecast.findings
@@ -168,15 +172,30 @@ class Placement:
         most_m = self._reading.lost_doubt_m
         robot.doubt_m = most_m if is_lost else min(status.deviation_m, most_m)
         robot.reports_within_s = status.reports_within_s
-        unknown: tuple[str, ...] = () if frame.known else ("datum-unknown",)
-        if misspelling := self._floors.misspelling(robot.vendor, status.datum, status.path.datums):
-            unknown += ("path-datum-unknown",)
-            reading = "the robot's own floor; give the vendor a map for it"
-            odd = Oddity("path-datum-unknown", "path", misspelling[:MOST_LETTERS], reading, datum)
-            robot.odd_values.note((odd,), robot.arrival_s)
+        unknown += () if frame.known else ("datum-unknown",)
         too_many = ("datum-too-many",) if frame.comparable and sighting.floor == NOWHERE else ()
         of_motion = self._motion_findings(robot, sighting, last, status)
         return (*findings, *of_motion, *robot.forecast.findings, *robot.loads.rules, *unknown, *too_many)
+
+    def _on_own_floor(
+        self, robot: Robot, status: Status, last: Sighting | None, context: ForecastContext
+    ) -> tuple[Status, tuple[str, ...]]:
+        """The status, without a way on a map that nobody has if that leads elsewhere than the robot has driven since
+        `last` and before, and the deviations."""
+        misspelling = self._floors.misspelling(robot.vendor, status.datum, status.path.datums)
+        if not (misspelling and robot.seen):
+            robot.astray_m = 0.0
+            return status, ()
+        seen, goes_astray = robot.seen, leads_elsewhere(status.path, robot.seen, context)
+        moved_m = hypot(seen.x_m - last.x_m, seen.y_m - last.y_m) if last else 0.0
+        robot.astray_m = robot.astray_m + moved_m if goes_astray else 0.0
+        reading = "the robot's own floor; give the vendor a map for it"
+        if robot.astray_m > ASTRAY_M:
+            status = replace(status, path=NO_PATH, destinations=NO_PATH)
+            reading = "not followed: it drives elsewhere; give the vendor a map"
+        odd = Oddity("path-datum-unknown", "path", misspelling[:MOST_LETTERS], reading, status.datum[:LONGEST_NAME])
+        robot.odd_values.note((odd,), robot.arrival_s)
+        return status, ("path-datum-unknown",)
 
     def _motion_findings(
         self, robot: Robot, sighting: Sighting, last: Sighting | None, status: Status

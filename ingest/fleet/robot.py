@@ -80,6 +80,8 @@ class Robot:
     """The last move that it can't have driven."""
     is_outdated: bool = False
     """Whether an update came that its forecast does not have yet."""
+    astray_m: float = 0.0
+    """How far it has driven while its order, on a map that nobody has, led elsewhere."""
     was_blocked: bool = False
     """Whether it could not move, by its newest status."""
     held: HeldPoses = field(default_factory=HeldPoses)

@@ -175,7 +175,7 @@ def path_rules(clause: str) -> tuple[Rule, ...]:
     return (
         in_context(
             "path-datum-unknown",
-            "The path names a map that neither the site file nor any robot has; used on the robot's own floor.",
+            "No site file and no robot has the map of the path; on the robot's own floor, unless it drives elsewhere.",
             clause,
         ),
         in_context("path-retimed", "The path was given new times by the robot's speed.", clause),

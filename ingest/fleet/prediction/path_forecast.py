@@ -2,7 +2,7 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 from math import atan2, hypot, inf, isfinite, isnan, pi
 from operator import itemgetter, lt
 
@@ -22,6 +22,8 @@ PLAUSIBLE_SPEED_MPS = 5.0
 """Greatest speed of a robot that has not stated one."""
 LATE_S = 2.0
 """A robot that drives is to lose no more than this on its way to the next point of its path."""
+FAR_M, ELSEWHERE_RAD = 5.0, 0.5
+"""A robot that drives to a place further off than this drives within this angle towards it, but for corners."""
 AWAY_RAD = 3 * pi / 4
 """A robot that drives in a direction this far off that of a point drives away from it."""
 
@@ -95,6 +97,16 @@ def on_floors(path: Path, here: Sighting, context: ForecastContext) -> list[tupl
         frame, floor = context.frame_of(datum)
         groups.append((floor, _placed(poses, frame, here.clock_offset_s)))
     return groups
+
+
+def leads_elsewhere(path: Path, here: Sighting, context: ForecastContext) -> bool:
+    """Whether an order leads a robot that drives to a place far off, in another direction than it drives in."""
+    if not (path.most and here.is_driving):
+        return False
+    points = chain.from_iterable(placed for _, placed in on_floors(path, here, context))
+    steps = ((x - here.x_m, y - here.y_m) for _, x, y, _ in points)
+    dx, dy = next((step for step in steps if hypot(*step) > SPOT_M), (0.0, 0.0))
+    return hypot(dx, dy) > FAR_M and abs(turn_between(here.direction_rad, atan2(dy, dx))) > ELSEWHERE_RAD
 
 
 def _by_datum(path: Path) -> Iterable[tuple[str, Sequence[Knot]]]:

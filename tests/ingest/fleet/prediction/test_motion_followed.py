@@ -20,7 +20,7 @@ from tests.helpers.iso_saying import CCS, identity, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
 from tests.helpers.saying import HALL, angle, points, robot, status
 from tests.helpers.vda_saying import MAP, edge, factsheet, line, node, order, position, under_way, vda, visualization
-from tests.ingest.fleet.made_fleet import LINE, NOW_S, at, counted, document, fleet, hall
+from tests.ingest.fleet.made_fleet import LINE, NOW_S, at, counted, document, documents, fleet, hall
 
 FAR = [node(0, 0.0), node(1, 2000.0)]
 Pose = tuple[float, float, float]
@@ -244,6 +244,28 @@ def test_a_path_under_another_spelling_of_its_datum_stays_on_the_robots_floor() 
     assert counted(of, "deviations_total")["unknown", "path-datum-unknown"] == 2
     named = [value["value"] for value in document(of, "A")["odd_values"] if value["rule"] == "path-datum-unknown"]
     assert named == ["hall-1"]
+
+
+@pytest.mark.parametrize(("off_m", "follows"), [(0.0, True), (300.0, False), (-40.0, False)])
+def test_an_order_on_a_map_that_nobody_has_is_followed_only_by_a_robot_that_drives_that_way(
+    off_m: float, follows: bool
+) -> None:
+    of, places = hall(), [(0.0, 0.0), (6.0, 0.0), (6.0, 30.0)]
+    nodes = [
+        node(row, 0.0, nodePosition={"x": x + off_m, "y": y + off_m, "mapId": "plan"})
+        for row, (x, y) in enumerate(places)
+    ]
+    of.receive(order(NOW_S, nodes), NOW_S, line("order"))
+    for s in range(12):
+        x, y, theta = (1.0 + s, 0.0, 0.0) if s < 6 or not follows else (6.0, s - 5.0, pi / 2)
+        pose, ahead = position(x, y, theta), nodes[1:] if s < 5 else nodes[2:]
+        of.receive(under_way(NOW_S + s, x, y, ahead, agvPosition=pose), NOW_S + s, line("state"))
+        (robot,) = of.robots.values()
+        assert robot.forecast is not None
+        assert robot.forecast.basis is (Basis.ORDER if follows or s < 4 else Basis.VELOCITY)
+    assert at(robot.forecast, NOW_S + 16)[:2] == pytest.approx((6.0, 11.0) if follows else (17.0, 0.0), abs=0.3)
+    (odd,) = [odd for odd in documents(of)[0]["odd_values"] if odd["rule"] == "path-datum-unknown"]
+    assert odd["reading"].startswith("the robot's own floor" if follows else "not followed")
 
 
 def test_an_order_that_comes_later_keeps_the_speed_that_was_observed() -> None:
