@@ -157,13 +157,13 @@ class Fleet:
         robot, gap_s = reader.robot, arrival_s - reader.robot.arrival_s
         self._consider(robot, reader.connection, arrival_s)
         event_s, findings = self.placement.event_time(robot, scanned, scanned.raw, arrival_s)
-        found, oddities = reader.read(scanned, event_s), reader.texts.oddities
-        if found is None:
+        if (read := reader.read(scanned, event_s)) is None:
             status = scanned.message(self.owners.names_as_uuid(reader.connection))
             assert isinstance(status, Status)  # noqa: S101 - its UUID was accepted before
             found, oddities = status.findings, status.oddities
             found += self._update_status(robot, status, scanned.raw, arrival_s, event_s, reader.connection)
         else:
+            found, oddities = read
             findings += plausibility.frequency(gap_s, max(self.reading.quiet_after_s, robot.reports_within_s))
             self._note_newest(robot, scanned.raw, arrival_s, reader.connection)
             self._changed[robot.uuid] = robot

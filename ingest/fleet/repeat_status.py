@@ -28,6 +28,7 @@ from ingest.fleet.prediction.pace import SPACED_S
 from ingest.fleet.prediction.path_forecast import JUMP_SLACK_M, LATE_S, jump_mps
 from ingest.fleet.prediction.way_on import SHORT_BY_S
 from ingest.fleet.robot import Robot
+from ingest.fleet.shown.odd_values import Oddities
 from ingest.frames.assumed_motion import DRIVES_MPS, MOVING_MPS, TURNS_RADPS
 from ingest.frames.floor_index import NOWHERE
 from ingest.frames.frame_registry import Frame
@@ -66,8 +67,9 @@ class RepeatReader:
         robot = self.robot
         return self.connection is connection and robot.context is self.context and robot.context_key is self.context_key
 
-    def read(self, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
-        """Update the robot and its forecast. Returns its deviations. None, without any change, for any other status."""
+    def read(self, scanned: ScannedStatus, event_s: float) -> tuple[tuple[str, ...], Oddities] | None:
+        """Update the robot and its forecast. Returns its deviations and the values that show them. None, without any
+        change, for any other status."""
         robot, before, marks = self.robot, self.robot.seen, scanned.marks
         if before is None or not self._may_repeat(before, event_s):
             return None
@@ -101,7 +103,7 @@ class RepeatReader:
         robot.amounts = scanned.amounts
         self._move(before, seen, rows[:knots], z_m)
         robot.stops = rows[room : room + ahead] if ahead else NO_STOPS
-        return self._findings_with_points(scanned, stamp_s) if breaks_a_rule else self.findings
+        return self._with_points(scanned, stamp_s) if breaks_a_rule else (self.findings, self.texts.oddities)
 
     def _move(self, before: Sighting, seen: Sighting, knots: Floats, z_m: float) -> None:
         """Let the robot be seen after `before`, with the knots (k, 4) of its forecast, at a height."""
@@ -126,15 +128,16 @@ class RepeatReader:
         is_corrected = robot.held.lasts_s or not isnan(before.posed_s) or robot.pace.path_share != 1.0
         return before.floor == self.floor and is_spaced and not is_corrected
 
-    def _findings_with_points(self, scanned: ScannedStatus, stamp_s: float) -> tuple[str, ...]:
+    def _with_points(self, scanned: ScannedStatus, stamp_s: float) -> tuple[tuple[str, ...], Oddities]:
         findings = Findings(self.findings)
+        findings.name(self.texts.oddities)
         marks, (first_s, last_s, _, latest_s) = scanned.marks, scanned.rows[3].tolist()
         if self.texts.path:
             path_points.check_path(marks[_PATH_END] - marks[OF_PATH], (first_s, last_s), stamp_s, findings)
         if self.texts.destinations:
             stops = marks[_STOPS_END] - marks[OF_DESTINATIONS]
             path_points.check_destinations(stops, latest_s, stamp_s, findings)
-        return tuple(findings)
+        return tuple(findings), tuple(findings.oddities)
 
 
 class FastPath(NamedTuple):

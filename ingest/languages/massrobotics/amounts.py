@@ -63,7 +63,7 @@ def motion(velocity: Velocity | None, findings: Findings) -> tuple[float | None,
         return None, None
     if velocity.linear is None:
         findings.note("key-absent", "velocity.linear", None, LEFT_OUT)
-    turn_rad = path_points.yaw_rad(velocity.angular, findings) if velocity.angular else nan
+    turn_rad = path_points.yaw_rad(velocity.angular, findings, "velocity.angular") if velocity.angular else nan
     return speed(velocity.linear, "velocity.linear", findings), None if isnan(turn_rad) else turn_rad
 
 

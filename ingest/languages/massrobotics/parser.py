@@ -65,11 +65,12 @@ def _identity(report: IdentityReport, uuid: str, findings: Findings) -> Identity
         sides = f"{size.x:g} x {size.y:g} x {size.z:g}"
         reading = "the default envelope" if min(size.x, size.y) <= 0 else "without its height"
         findings.note("envelope-not-positive", "baseRobotEnvelope", sides, reading)
-    texts = (report.manufacturerName, report.robotModel, report.robotSerialNumber)
-    if not all(text.strip() for text in texts):
-        findings["text-empty"] = None
-    if max(map(len, texts)) > MAX_TEXT:
-        findings["text-too-long"] = None
+    for key in ("manufacturerName", "robotModel", "robotSerialNumber"):
+        text = getattr(report, key)
+        if not text.strip():
+            findings.note("text-empty", key, text, "as sent")
+        if len(text) > MAX_TEXT:
+            findings.note("text-too-long", key, text, f"its first {MAX_TEXT} letters")
     amounts.run_time(report.maxRunTime, "maxRunTime", findings)
     max_speed_mps = amounts.speed_limit(report.maxSpeed, findings)
     return Identity(

@@ -16,6 +16,7 @@ PATH_S, DESTINATIONS_S = 10.0, 900.0
 """How far ahead the standard lets a path and destinations reach."""
 MOST_POINTS = 10
 MOST_POINTS_USED = 200
+PATH_TIMES, DESTINATION_TIMES = "path[*].timestamp", "destinations[*].timestamp"
 ANGLE_IN_Z = "normalised; is z the heading as an angle? A quaternion has z = sin(heading / 2), w = cos(heading / 2)"
 SLACK_S = 1.0
 """A time may be this far beyond a limit without a deviation, since stamps are rounded."""
@@ -28,20 +29,20 @@ def absurd(x: float, y: float, z: float) -> bool:
     return not (abs(x) <= MAX_POSITION and abs(y) <= MAX_POSITION and abs(z) <= MAX_POSITION)
 
 
-def yaw_rad(angle: Quaternion | None, findings: Findings) -> float:
-    """Rotation about the vertical, -pi to pi; nan if the angle is missing or all zeros.
+def yaw_rad(angle: Quaternion | None, findings: Findings, path: str = "location.angle") -> float:
+    """Rotation about the vertical, -pi to pi; nan if the angle, which stands at `path`, is missing or all zeros.
 
     atan2(2 (wz + xy), w^2 + x^2 - y^2 - z^2): the direction of the turned x axis, for a quaternion of any length.
     """
     if angle is None:
-        findings["angle-missing"] = None
+        findings.note("angle-missing", path, None, "heading unknown")
         return nan
     x, y, z, w = angle.x, angle.y, angle.z, angle.w
     square = x * x + y * y + z * z + w * w
     if not 0.99 < square < 1.01:
         largest = max(abs(x), abs(y), abs(z), abs(w))
         if largest < 1e-6:
-            findings["angle-zero"] = None
+            findings.note("angle-zero", path, [x, y, z, w], "heading unknown")
             return nan
         findings["angle-not-unit"] = None
         x, y, z, w = x / largest, y / largest, z / largest, w / largest
@@ -78,11 +79,15 @@ def check_path(sent: int, ends_s: tuple[float, float], stamp_s: float, findings:
     """Note what is wrong with the number of a path's points and with their first and last time."""
     first_s, last_s = ends_s
     if sent > MOST_POINTS:
-        findings["path-too-many"] = None
+        findings.note("path-too-many", "path", sent, f"the first {MOST_POINTS_USED}")
     if last_s > stamp_s + PATH_S + SLACK_S:
-        findings["path-too-far"] = None
+        findings.note("path-too-far", PATH_TIMES, last_s, "used when the horizon reaches it")
     if first_s < stamp_s - SLACK_S:
-        findings[_past(last_s, stamp_s)] = None
+        rule = _past(last_s, stamp_s)
+        is_partly = rule == "path-partly-past"
+        findings.note(
+            rule, PATH_TIMES, first_s if is_partly else last_s, "the later ones" if is_partly else "new times"
+        )
 
 
 def _in_order(times: list[float]) -> bool:
@@ -91,9 +96,9 @@ def _in_order(times: list[float]) -> bool:
 
 def _note_disorder(times: list[float], findings: Findings) -> None:
     if len(set(times)) < len(times):
-        findings["path-times-equal"] = None
+        findings.note("path-times-equal", PATH_TIMES, timestamps.first_fall(sorted(times)), "left out, or new times")
     if any(later < earlier for earlier, later in pairwise(times)):
-        findings["path-unordered"] = None
+        findings.note("path-unordered", PATH_TIMES, timestamps.first_fall(times), "sorted, or new times")
 
 
 def _past(last_s: float, stamp_s: float) -> str:
@@ -118,7 +123,7 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
     times = read.times
     if all(map(le, times, times[1:])):
         return read
-    findings["destinations-unsorted"] = None
+    findings.note("destinations-unsorted", DESTINATION_TIMES, timestamps.first_fall(times), "sorted")
     order = sorted(range(len(times)), key=times.__getitem__)
     poses, datums = tuple(read.poses[row] for row in order), tuple(read.datums[row] for row in order)
     return Path(poses, datums, len(set(times)) == len(times), (times[order[0]], times[order[-1]]))
@@ -127,11 +132,11 @@ def checked_destinations(read: Path, sent: int, stamp_s: float, findings: Findin
 def check_destinations(sent: int, latest_s: float, stamp_s: float, findings: Findings) -> None:
     """Note what is wrong with the number of destinations and with the latest of their times."""
     if sent > MOST_POINTS:
-        findings["destinations-too-many"] = None
+        findings.note("destinations-too-many", "destinations", sent, f"the first {MOST_POINTS_USED}")
     if latest_s > stamp_s + DESTINATIONS_S + SLACK_S:
-        findings["destinations-too-far"] = None
+        findings.note("destinations-too-far", DESTINATION_TIMES, latest_s, "not used yet")
     if latest_s < stamp_s - SLACK_S:
-        findings["destinations-past"] = None
+        findings.note("destinations-past", DESTINATION_TIMES, latest_s, "as sent")
 
 
 def _read(points: Sequence[PredictedLocation] | None, stamp_s: float, findings: Findings) -> Path:
@@ -180,10 +185,10 @@ def _readable_rows(
     read = []
     for number, point in enumerate(points):
         if absurd(point.x, point.y, point.z):
-            findings["point-absurd"] = None
+            findings.note("point-absurd", f"[{number}]", [point.x, point.y, point.z], "left out")
             continue
         t_s = timestamps.point_time_s(point.timestamp, f"[{number}].timestamp", findings)
-        rows.append((t_s, point.x, point.y, yaw_rad(point.angle, findings)))
+        rows.append((t_s, point.x, point.y, yaw_rad(point.angle, findings, f"[{number}].angle")))
         read.append(point)
     times = timestamps.filled([row[0] for row in rows], stamp_s)
     return [(t_s, *row[1:]) for t_s, row in zip(times, rows, strict=True)], read

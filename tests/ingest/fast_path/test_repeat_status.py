@@ -13,6 +13,7 @@ from ingest.fast_path.status_scanner import ScannedStatus
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners.vendor_registry import VendorRegistry
 from ingest.fleet.repeat_status import RepeatReader, load
+from ingest.fleet.shown.odd_values import Oddities
 from ingest.fleet.shown.quarantine import Quarantine
 from ingest.frames.frame_registry import FrameRegistry
 from ingest.measures.measures import Measures
@@ -228,10 +229,10 @@ def repeats(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Of each status that a repeat reader was given, whether it took it."""
     taken, read = [], RepeatReader.read
 
-    def noted(reader: RepeatReader, scanned: ScannedStatus, event_s: float) -> tuple[str, ...] | None:
-        findings = read(reader, scanned, event_s)
-        taken.append(findings is not None)
-        return findings
+    def noted(reader: RepeatReader, scanned: ScannedStatus, event_s: float) -> tuple[tuple[str, ...], Oddities] | None:
+        found = read(reader, scanned, event_s)
+        taken.append(found is not None)
+        return found
 
     monkeypatch.setattr(RepeatReader, "read", noted)
     return taken

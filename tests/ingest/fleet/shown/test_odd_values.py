@@ -1,5 +1,7 @@
 """The values of a robot's messages that deviate, for people."""
 
+from typing import Any
+
 import pytest
 
 from ingest.fleet.shown.odd_values import MOST_KEPT, MOST_OF_VENDOR, OddValues, by_vendor
@@ -9,7 +11,7 @@ from ingest.port.connection import Connection
 from tests.helpers.iso_saying import identity as iso_identity
 from tests.helpers.iso_saying import iso, odometry, states, trajectory
 from tests.helpers.iso_saying import line as iso_line
-from tests.helpers.saying import identity, status
+from tests.helpers.saying import identity, points, status
 from tests.helpers.vda_saying import factsheet, state, state_3
 from tests.helpers.vda_saying import line as vda_line
 from tests.ingest.fleet.made_fleet import LINE, NOW_S, documents, hall
@@ -83,6 +85,12 @@ def test_a_vendors_values_are_bounded() -> None:
     assert len(by_vendor(robots)["Alder"]) == MOST_OF_VENDOR
 
 
+def point(t_s: float, x: float = 1.0, **replaced: Any) -> dict[str, Any]:
+    return points((t_s, x, 0.0, 0.0))[0] | replaced
+
+
+BEGUN, MANY = [point(NOW_S - 9), point(NOW_S + 1)], [point(NOW_S + 9 * n) for n in range(1, 12)]
+ZEROS = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}
 FAR = {"x": 2e7, "y": 0.0, "theta": 0.0}
 FASTER, LATER = {"vx": 300.0, "vy": 0.0, "omega": 0.0}, NOW_S + 2
 WAY = [{"x": 1.0, "y": 0.0, "eta": write(LATER)}, {"x": 2.0, "y": 0.0, "eta": write(NOW_S + 1)}]
@@ -111,6 +119,27 @@ NAMED: list[tuple[str, Connection, bytes, str, str]] = [
     ("speed-absurd", LINE, status("A", NOW_S, velocity={"linear": 300.0}), "300.0", "left out"),
     ("duplicate-items", LINE, status("A", NOW_S, errorCodes=["E1", "E1"]), '["E1", "E1"]', "as sent"),
     ("speed-limit-not-positive", LINE, identity("A", NOW_S, maxSpeed=-2.0), "-2.0", "left out"),
+    ("text-empty", LINE, identity("A", NOW_S, robotModel=" "), '" "', "as sent"),
+    ("text-too-long", LINE, identity("A", NOW_S, robotSerialNumber="S" * 101), '"SSS', "its first 100"),
+    ("path-too-many", LINE, status("A", NOW_S, path=[point(NOW_S + n / 2) for n in range(1, 12)]), "11", "the first"),
+    ("path-too-far", LINE, status("A", NOW_S, path=[point(NOW_S + 20)]), f"{NOW_S + 20:.1f}", "used when"),
+    ("path-past", LINE, status("A", NOW_S, path=[point(NOW_S - 9)]), f"{NOW_S - 9:.1f}", "new times"),
+    ("path-partly-past", LINE, status("A", NOW_S, path=BEGUN), f"{NOW_S - 9:.1f}", "the later ones"),
+    ("path-unordered", LINE, status("A", NOW_S, path=BEGUN[::-1]), f"[{NOW_S + 1:.1f}, ", "sorted"),
+    ("path-times-equal", LINE, status("A", NOW_S, path=[point(NOW_S + 1), point(NOW_S + 1, 1.0)]), "[", "left out"),
+    ("angle-zero", LINE, status("A", NOW_S, path=[point(NOW_S + 1, angle=ZEROS)]), "[0.0, ", "heading unknown"),
+    ("angle-missing", LINE, status("A", NOW_S, path=[point(NOW_S + 1, angle=None)]), "null", "heading unknown"),
+    ("point-absurd", LINE, status("A", NOW_S, path=[point(NOW_S + 1, 2e7)]), "[20000000.0, ", "left out"),
+    (
+        "destinations-too-far",
+        LINE,
+        status("A", NOW_S, destinations=[point(NOW_S + 5000)]),
+        f"{NOW_S + 5000:.1f}",
+        "not",
+    ),
+    ("destinations-past", LINE, status("A", NOW_S, destinations=[point(NOW_S - 9)]), f"{NOW_S - 9:.1f}", "as sent"),
+    ("destinations-unsorted", LINE, status("A", NOW_S, destinations=BEGUN[::-1]), "[", "sorted"),
+    ("destinations-too-many", LINE, status("A", NOW_S, destinations=MANY), "11", "the first"),
 ]
 
 
