@@ -21,8 +21,8 @@ from deconflict.sweep.pair_choice import nearest_of_each
 from ingest.batch import Bools, Floats, Ints
 
 MOST_DRIVEN = 3
-"""If too many robots are beside one, so many of its pairs are driven on, the nearest ones, and those in which it is one
-of the nearest."""
+"""If a robot has too many others beside it, only those of its pairs are driven on that are among so many nearest
+ones of either robot."""
 
 
 class PairRollouts:
