@@ -49,12 +49,21 @@ def _database_format(path: Path) -> int | None:
             page = file.read(AT_VERSION.stop)
         if page[HEADER] != MAGIC:
             return None
-        if not path.with_name(f"{path.name}-wal").exists():
-            return int.from_bytes(page[AT_VERSION], "big")
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCKED_S)) as db:
-            return int(db.execute("PRAGMA user_version").fetchone()[0])
+        in_first_page = int.from_bytes(page[AT_VERSION], "big")
+        return _format_with_journal(path, in_first_page) if path.with_name(f"{path.name}-wal").exists() else in_first_page
     except (OSError, sqlite3.Error):
         return None
+
+
+def _format_with_journal(path: Path, in_first_page: int) -> int:
+    """`PRAGMA user_version` of a database with a journal. Raises `sqlite3.Error`."""
+    try:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=LOCKED_S)) as db:
+            return int(db.execute("PRAGMA user_version").fetchone()[0])
+    except sqlite3.OperationalError as error:
+        if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
+            return in_first_page
+        raise
 
 
 def _json_format(path: Path) -> int | None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.faulty_files.faults import held_alone
 from deconflict.operator.blackbox.archive import FOLDER, REGISTER, Archive
 from deconflict.operator.blackbox.keeper import PENDING
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
@@ -112,6 +113,15 @@ def test_a_newer_format_that_is_still_in_the_journal_is_seen(data: Path) -> None
             with pytest.raises(DataDirectoryError, match="has format 99"):
                 refuse_newer(data)
             db.execute("PRAGMA user_version = 1")
+
+
+@pytest.mark.parametrize("name", DATABASES)
+def test_a_newer_format_is_seen_while_another_program_keeps_the_database_for_itself(data: Path, name: str) -> None:
+    with closing(sqlite3.connect(data / name)) as db:
+        db.execute("PRAGMA journal_mode = WAL")
+        db.execute("PRAGMA user_version = 99")
+    with held_alone(data / name), pytest.raises(DataDirectoryError, match=f"{name} has format 99"):
+        refuse_newer(data)
 
 
 def truncated(path: Path) -> None:
