@@ -50,7 +50,8 @@ def _database_format(path: Path) -> int | None:
         if page[HEADER] != MAGIC:
             return None
         in_first_page = int.from_bytes(page[AT_VERSION], "big")
-        return _format_with_journal(path, in_first_page) if path.with_name(f"{path.name}-wal").exists() else in_first_page
+        has_journal = path.with_name(f"{path.name}-wal").exists()
+        return _format_with_journal(path, in_first_page) if has_journal else in_first_page
     except (OSError, sqlite3.Error):
         return None
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Fate = list[float]
 """After how many seconds each copy of an answer or a message arrives; empty if it is lost."""
 AT_ONCE: Fate = [0.0]
-ANSWERS = ("past", "heat", "recorded", "presence", "situations", "advisories", "site")
+ANSWERS = ("past", "heat", "recorded", "presence", "situations", "advisories", "advice", "site")
 MESSAGES = ("live", "stream")
 
 

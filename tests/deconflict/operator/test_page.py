@@ -269,7 +269,7 @@ def test_what_it_costs_is_said_of_today(browser: "Browser", floor: Service) -> N
     with opened(browser, floor) as page:
         page.wait_for_selector(WARNED)
         page.click("#costs-open")
-        until(page, "document.getElementById('costs-body').textContent.includes('Today robots and people lost')")
+        until(page, "document.getElementById('costs-body').textContent.includes(' robots and people lost')")
         assert page.locator("#costs-body h3").all_text_contents() == [
             "The five worst places today",
             "What to change",

@@ -24,6 +24,7 @@ from tests.deconflict.operator.opened_page import (
     warning,
 )
 from tests.helpers.made_advisories import made_advice
+from tests.helpers.patience import PATIENCE_S
 from tests.helpers.plain_http import http_client
 from tests.helpers.saying import robot
 
@@ -293,14 +294,32 @@ async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_els
         const nothing = { places: [], suggestions: [], none_because: "", hours: 0 };
         const found = { ...nothing, total: sums, rows: [row], currency: "" };
         window.fetch = async () => new Response(JSON.stringify(found));
-        await new Costs((floor) => floor, () => {}).read();
+        await new Costs((floor) => floor, () => {}, () => 36000).read();
         return document.querySelector("#costs-body").textContent;
     }"""
     async with opened(browser, face) as page:
         found = await page.evaluate(script)
-        assert "Today robots and people lost" in found
+        assert re.match(r"Today until \d\d:\d\d robots and people lost", found)
         assert "Acme" not in found
         assert "NaN" not in found
+
+
+async def test_summaries_are_of_the_services_time_whatever_the_clock_of_the_page_says(
+    browser: "Browser", face: Served
+) -> None:
+    page, asked = await browser.new_page(), []
+    page.on("request", lambda request: asked.append(request.url))
+    await page.add_init_script("const { now } = Date; Date.now = () => now() + 3 * 3600e3;")
+    await page.goto(face.http)
+    await page.wait_for_selector('[data-state="live"]')
+    for summary, heading in ("shift", "What was going on"), ("costs", "Today by hour"):
+        await page.click(f"#{summary}-open")
+        await until(page, f"document.getElementById('{summary}-body').textContent.includes('{heading}')")
+        await page.click(f"#{summary}-close")
+    await page.close()
+    (shift_s,) = [float(at_s) for url in asked for at_s in re.findall(r"shift\?since_s=([\d.]+)", url)]
+    costs_s = max(float(at_s) for url in asked for at_s in re.findall(r"until_s=([\d.]+)", url))
+    assert [shift_s + 8 * 3600, costs_s] == pytest.approx([time.time()] * 2, abs=PATIENCE_S)
 
 
 async def test_a_line_of_what_has_ended_says_how(browser: "Browser", face: Served) -> None:

@@ -10,35 +10,36 @@ const ACCURACY = "Sums by vendors, places and hours hold within a tenth, as meas
 const $ = (id) => document.getElementById(id);
 
 export class Costs {
-  // `floorName(id)` names a floor, `look(floor, x, y)` shows a place on the map.
-  constructor(floorName, look) {
-    Object.assign(this, { floorName, look, turns: new Turns() });
+  // `floorName(id)` names a floor, `look(floor, x, y)` shows a place on the map, `nowS()` is the service's time.
+  constructor(floorName, look, nowS) {
+    Object.assign(this, { floorName, look, nowS, turns: new Turns() });
     $("costs-open").onclick = () => { $("costs").showModal(); this.read(); };
     $("costs-print").onclick = () => window.print();
     $("costs-close").onclick = () => $("costs").close();
   }
 
   async read() {
-    const turn = this.turns.next(), nowS = Date.now() / 1000, todayS = new Date().setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
+    const turn = this.turns.next(), nowS = this.nowS(), todayS = new Date(nowS * 1000).setHours(0, 0, 0, 0) / 1000, wholeS = nowS - nowS % HOUR_S;
     $("costs-body").textContent = "Reading…";
     try {
       const [pairs, places, hours, before, suggested] = await Promise.all([
         ask("vendor,by", todayS, nowS), ask("floor,place,cell", todayS, nowS), ask("hour", todayS, nowS), ask("hour", todayS - WEEK_S, wholeS - WEEK_S), read("suggestions"),
       ]);
       if (!this.turns.isNewest(turn)) return;
-      this.show(pairs, byPlace(places.rows), hours.rows, before.rows, wholeS, suggested);
+      this.show(pairs, byPlace(places.rows), hours.rows, before.rows, nowS, suggested);
     } catch (error) {
       if (this.turns.isNewest(turn)) $("costs-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
-  show({ total, rows, currency }, places, hours, before, wholeS, suggested) {
+  show({ total, rows, currency }, places, hours, before, nowS, suggested) {
+    const wholeS = nowS - nowS % HOUR_S;
     const money = (row) => (row.cost === null ? "" : `${row.cost.toFixed(2)} ${currency}`);
     const share = (row) => `${Math.round(100 * row.lost_s / total.lost_s)} %`, then = new Map(before.map((row) => [row.hour + WEEK_S, row.lost_s]));
     const heads = (...first) => [...first, "Lost", "Share", ...(total.cost === null ? [] : ["Cost"])];
     const cells = (row, ...first) => [...first, span(row.lost_s), share(row), ...(total.cost === null ? [] : [money(row)])];
     const whole = hours.filter(({ hour }) => hour < wholeS), priced = total.cost === null ? "" : `, which costs ${money(total)}`;
-    const lead = `Today robots and people lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
+    const lead = `Today until ${minute(nowS)} robots and people lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
       + "A robot loses time while another one is in its way and it needs longer than by its plan. ";
     $("costs-body").replaceChildren(
       text("p", lead + warned(total) + ACCURACY),

@@ -11,9 +11,10 @@ const ENDED = { left: "A robot left the floor", left_in_silence: "A robot is sil
 const $ = (id) => document.getElementById(id);
 
 export class Shift {
-  // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon. `counted()` is what is on the floors now, in words.
-  constructor(floorName, places, areas, counted) {
-    Object.assign(this, { floorName, places, areas, counted, turns: new Turns() });
+  // `places(floor)` have a name, x and y, `areas(floor)` a name and a polygon. `counted()` is what is on the floors now, in words, and
+  // `nowS()` the service's time.
+  constructor(floorName, places, areas, counted, nowS) {
+    Object.assign(this, { floorName, places, areas, counted, nowS, turns: new Turns() });
     $("shift-hours").value = remembered("hours") ?? "8";
     $("shift-open").onclick = () => { $("shift").showModal(); this.read(); };
     $("shift-hours").onchange = () => { remember("hours", $("shift-hours").value); this.read(); };
@@ -22,27 +23,27 @@ export class Shift {
   }
 
   async read() {
-    const turn = this.turns.next(), fromS = Math.floor(Date.now() / 1000 - 3600 * Number($("shift-hours").value));
+    const turn = this.turns.next(), nowS = this.nowS(), fromS = Math.floor(nowS - 3600 * Number($("shift-hours").value));
     $("shift-body").textContent = "Reading…";
     try {
       const [{ situations, counts, complete }, { from_s: recordedS }, lostS] = await Promise.all([read(`shift?since_s=${fromS}`), read("recorded"), lost(fromS)]);
       if (!this.turns.isNewest(turn)) return;
       const all = situations.map(({ situation, first_kind: kind, worst_severity: severity, most_cost_s: lost }) => ({ ...situation, kind, severity, lost }));
-      this.show(all, counts, fromS, Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), Date.now() / 1000), complete, lostS);
+      this.show(all, counts, { fromS, nowS, knownS: Math.min(recordedS ?? Infinity, ...all.map(({ raised_at: at }) => seconds(at)), nowS) }, complete, lostS);
     } catch (error) {
       if (this.turns.isNewest(turn)) $("shift-body").textContent = `The service does not answer: ${error.message}`;
     }
   }
 
   // `knownS` is the earliest time of which anything is known. `lostS` is what robots lost to each other; null if nobody knows.
-  show(situations, counts, fromS, knownS, isComplete, lostS) {
+  show(situations, counts, { fromS, nowS, knownS }, isComplete, lostS) {
     const acknowledged = answers(situations), open = situations.filter(({ state }) => state !== "cleared").length;
     const critical = situations.filter(({ severity }) => severity === "critical").length;
-    const lead = `${document.title}, ${period(Math.max(fromS, knownS), Date.now() / 1000)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
+    const lead = `${document.title}, ${period(Math.max(fromS, knownS), nowS)}${knownS > fromS ? " (of the time before nothing is known)" : ""}: ${plural(sum(Object.values(counts), (count) => count), "situation")}, ${critical} of them critical at worst; ${open} still open, ${acknowledged.length} acknowledged. `
       + (lostS === null ? "" : `Robots and people lost ${span(lostS)} to each other: see “What it costs”. `) + `Heard now: ${this.counted()}.`;
     $("shift-body").replaceChildren(
       text("p", lead), text("p", `With people: ${withPeople(situations)}.`), ...(isComplete ? [] : [text("p", "Older ones are left out, as there are too many.")]),
-      table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts)),
+      table("What was going on, by its worst severity", ["Kind", "Times", ...SEVERITIES.map((severity) => SEVERITY[severity]), "Lasted, median", "Expected loss"], kinds(situations, counts, nowS)),
       table("What came of it", ["Ended because", "Times"], tally(situations.filter(({ state }) => state === "cleared"), ({ cleared_code: code, cleared_because: because }) => [ENDED[code] ?? sentence(because)])),
       table("Where", ["Place", "Times", SEVERITY.critical], this.placeRows(situations)),
       table("Whose robots and people", ["Vendor", "Times"], tally(situations, ({ vendors }) => [...new Set(vendors)])),
@@ -94,8 +95,8 @@ function withPeople(situations) {
 }
 
 // By the kind that each had when it was raised, as the service counts them.
-function kinds(situations, counts) {
-  const nowS = Date.now() / 1000, forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);
+function kinds(situations, counts, nowS) {
+  const forS = ({ since_at: since, cleared_at: end }) => (end ? seconds(end) : nowS) - seconds(since);
   return [...Map.groupBy(situations, ({ kind }) => kind)].sort((a, b) => b[1].length - a[1].length).map(([kind, all]) => {
     const lasted = all.map(forS).sort((a, b) => a - b);
     return [KINDS[kind], counts[kind], ...SEVERITIES.map((severity) => all.filter((each) => each.severity === severity).length), span(lasted[Math.floor(lasted.length / 2)]), span(sum(all, ({ lost }) => lost))];
