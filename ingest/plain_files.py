@@ -118,6 +118,12 @@ def check_database(path: Path) -> None:
         raise UnfitDatabaseError(reason)
 
 
+def check_folder(path: Path) -> None:
+    """Raises `UnfitFileError` if the directory of a file is not there: the file may be there once its disk is."""
+    if not path.parent.is_dir():
+        raise UnfitFileError(f"{path.parent} is missing or no directory; mount or make it")
+
+
 def with_advice(error: Exception, advice: str) -> str:
     """The words of an error with what to do, unless it says so itself."""
     return str(error) if isinstance(error, UnfitFileError | UnfitDatabaseError) else f"{error}; {advice}"

@@ -144,6 +144,11 @@ def missing_disk(directory: Path) -> Iterator[None]:
     aside.rename(directory)
 
 
+def without_its_disk(path: Path) -> AbstractContextManager[None]:
+    """The directory that a file is in is gone."""
+    return missing_disk(path.parent)
+
+
 @contextmanager
 def disk_at(path: Path, megabytes: int) -> Iterator[Path]:
     """A disk of memory. Raises `PermissionError` if it may not be mounted."""

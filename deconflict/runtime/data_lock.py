@@ -45,17 +45,17 @@ class DataDirectoryError(OSError):
 def create_data_directory(directory: Path) -> None:
     """Create it if needed. What this process and its children write from now on is for its user and group only.
 
-    Raises `DataDirectoryError` if a file has its place. A disk that is missing, full or read-only is logged only: the
-    service warns without it, and uses it once it can.
+    Raises `DataDirectoryError` if a file has its place. A disk that is missing (also behind a link), full or read-only is
+    logged only: the service warns without it, and uses it once it can.
     """
     os.umask(os.umask(OTHERS) | OTHERS)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise DataDirectoryError(
-            f"{directory} can't be made a data directory: {error.strerror}; {ELSEWHERE}"
-        ) from error
     except OSError as error:
+        leads_nowhere = directory.is_symlink() and not directory.exists()
+        if isinstance(error, FileExistsError | NotADirectoryError) and not leads_nowhere:
+            problem = f"{directory} can't be made a data directory: {error.strerror}; {ELSEWHERE}"
+            raise DataDirectoryError(problem) from error
         log.error(
             "%s can't be made: %s; nothing is kept until it can; mend its disk, or %s", directory, error, ELSEWHERE
         )

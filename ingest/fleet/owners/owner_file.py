@@ -12,7 +12,7 @@ import msgspec
 
 from ingest.fleet.owners.robot_owners import RobotOwners
 from ingest.measures.measures import Measures
-from ingest.plain_files import read_file, with_advice
+from ingest.plain_files import check_folder, read_file, with_advice
 from ingest.recording.operator_events import OffFloorMark
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
@@ -54,6 +54,7 @@ class OwnerFile:
     def _read(self) -> bytes | None:
         """The content of the file; None if there is none, or it can't be read for now."""
         try:
+            check_folder(self._path)
             data = read_file(self._path)
         except FileNotFoundError:
             data = None

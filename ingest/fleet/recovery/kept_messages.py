@@ -35,7 +35,7 @@ from ingest.fleet.recovery.kept_rows import (
 from ingest.fleet.robot import Robot
 from ingest.fleet.shared_identities import INTRODUCER, SharedIdentity
 from ingest.measures.measures import Measures
-from ingest.plain_files import check_database, with_advice
+from ingest.plain_files import check_database, check_folder, with_advice
 from ingest.port.connection import KEPT, Connection
 from ingest.recording.log_reader import Received
 from ingest.recording.replaced_file import ASIDE, set_database_aside
@@ -86,6 +86,7 @@ class KeptMessages:
         self._since_s = now_s - self._fleet.reading.silent_after_s
         heard_since_s = now_s - self._fleet.reading.forget_after_s - HEARD_EVERY_S
         try:
+            check_folder(self._path)
             rows, unreadable = read_rows(self._path, READ_TIMEOUT_S)
             rows = [row for row in rows if row.heard_s >= heard_since_s]
             if unreadable:
@@ -107,6 +108,7 @@ class KeptMessages:
     async def _read_late(self, now_s: float) -> None:
         """Give robots the identities of the file that was not read at the start, except those that have one."""
         try:
+            check_folder(self._path)
             rows, _ = await asyncio.to_thread(read_rows, self._path, READ_TIMEOUT_S)
         except (sqlite3.DatabaseError, OSError) as error:
             if isinstance(error, sqlite3.DatabaseError) and is_damage(error):

@@ -237,6 +237,31 @@ async def test_a_service_that_may_not_enter_its_directory_starts_and_warns_and_u
     assert {*before, listed["advisories"][0]["seq"]} <= {*numbers(data)}
 
 
+async def test_a_service_whose_directory_is_a_link_to_a_missing_disk_starts_and_uses_it_once_it_is_there(
+    data: Path,
+) -> None:
+    """As a disk that is mounted late. Who owned the robots of before is known then."""
+    before, owned = numbers(data), owned_robots(data)
+    (link := data.with_name("link")).symlink_to(data)
+    served = Served(link)
+    fault = missing_disk(data)
+    fault.__enter__()
+    with served.running():
+        await served.until("/healthz", lambda answer: "missing or no directory" in answer["files"].get("reason", ""))
+        async with served.with_robots(time.time() - 25.0):
+            listed = await served.until("/advisories", lambda answer: answer.get("advisories"))
+        fault.__exit__(None, None, None)
+        health = await served.until("/healthz", lambda answer: answer["files"]["status"] == "ok")
+        assert set(health["restarts"].values()) == {0}
+    assert {*before, listed["advisories"][0]["seq"]} <= {*numbers(data)}
+    assert owned
+    assert owned <= owned_robots(data)
+
+
+def owned_robots(directory: Path) -> set[str]:
+    return {uuid for uuid, _ in json.loads((directory / "owners.json").read_text())["owners"]}
+
+
 def test_a_directory_that_cannot_be_written_stops_no_start_but_a_second_service_is_refused(disk: Path) -> None:
     with read_only_disk(disk):
         create_data_directory(disk)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faulty_files.faults import blocked
+from benchmarks.faulty_files.faults import Fault, blocked, without_its_disk
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.owners import owner_register
 from ingest.fleet.owners.owner_file import FAILURES, FILE_NAME, FORGOTTEN, OwnerFile
@@ -239,10 +239,12 @@ def test_an_unreadable_register_is_set_aside_and_counted(
 
 
 def test_a_register_that_cannot_be_written_is_counted_and_written_later(tmp_path: Path) -> None:
-    directory = tmp_path / "absent"
+    directory = tmp_path / "data"
+    directory.mkdir()
     owners = fleet(ALDER).owners
     file = OwnerFile(directory, owners, measures := Measures())
     owners.register.enter(robot("A-1"), "Alder")
+    directory.rmdir()
     file.write()
     assert measures.values[FAILURES]["write",] == 1
     directory.mkdir()
@@ -253,28 +255,30 @@ def test_a_register_that_cannot_be_written_is_counted_and_written_later(tmp_path
     assert again.owner(robot("A-1")) == "Alder"
 
 
+@pytest.mark.parametrize("fault", [blocked, without_its_disk])
 async def test_a_file_that_cannot_be_read_for_a_while_is_not_replaced_and_counts_more_once_it_can(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Fault
 ) -> None:
     monkeypatch.setattr("ingest.fleet.owners.owner_file.WRITE_EVERY_S", 0.05)
-    before = fleet(ALDER, BASALT)
+    before, data = fleet(ALDER, BASALT), tmp_path / "data"
+    data.mkdir()
     before.receive(status("A-1", NOW_S), NOW_S, FROM_ALDER)
-    OwnerFile(tmp_path, before.owners, before.measures).write()
+    OwnerFile(data, before.owners, before.measures).write()
     after = fleet(ALDER, BASALT)
-    with blocked(tmp_path / FILE_NAME):
-        file = OwnerFile(tmp_path, after.owners, after.measures)
+    with fault(data / FILE_NAME):
+        file = OwnerFile(data, after.owners, after.measures)
         after.receive(status("A-1", NOW_S + 1), NOW_S + 1, FROM_BASALT)
         after.receive(status("B-1", NOW_S + 1), NOW_S + 1, FROM_BASALT)
         file.write()
         assert after.measures.values[FAILURES] == {("read",): 1, ("write",): 0}
     keeping = asyncio.create_task(file.keep())
     async with asyncio.timeout(PATIENCE_S):
-        while b"Basalt" not in (tmp_path / FILE_NAME).read_bytes():
+        while b"Basalt" not in (data / FILE_NAME).read_bytes():
             await asyncio.sleep(0.01)
     keeping.cancel()
     await asyncio.gather(keeping, return_exceptions=True)
     again = fleet(ALDER, BASALT)
-    OwnerFile(tmp_path, again.owners, again.measures)
+    OwnerFile(data, again.owners, again.measures)
     owner = again.owners.register.owner
     assert (owner(robot("A-1")), owner(robot("B-1"))) == ("Alder", "Basalt")
 

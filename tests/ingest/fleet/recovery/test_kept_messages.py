@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faulty_files.faults import held_alone
+from benchmarks.faulty_files.faults import Fault, held_alone, without_its_disk
 from ingest.fleet.fleet import Fleet
 from ingest.fleet.fleet_report import add_identity, shared_identities
 from ingest.fleet.owners.owner_file import OwnerFile
@@ -297,18 +297,20 @@ def test_a_file_of_the_first_format_is_read_and_upgraded(tmp_path: Path) -> None
     assert again.measures.values[FAILURES]["read",] == 0
 
 
+@pytest.mark.parametrize("fault", [held_alone, without_its_disk])
 async def test_a_file_that_is_locked_at_the_start_is_read_as_soon_as_it_is_free(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Fault
 ) -> None:
     for name in ("READ_TIMEOUT_S", "WRITE_EVERY_S", "RETRY_S"):
         monkeypatch.setattr(f"ingest.fleet.recovery.kept_messages.{name}", 0.05)
-    before = fleet(ALDER)
+    before, data = fleet(ALDER), tmp_path / "data"
+    data.mkdir()
     before.receive(identity("A-1", NOW_S, baseRobotEnvelope=LARGE), NOW_S, FROM_ALDER)
     before.receive(identity("A-2", NOW_S, baseRobotEnvelope=LARGE), NOW_S, FROM_ALDER)
-    kept_of(before, tmp_path).write(-inf, NOW_S)
+    kept_of(before, data).write(-inf, NOW_S)
     again = fleet(ALDER)
-    with held_alone(tmp_path / FILE_NAME):
-        kept = kept_of(again, tmp_path)
+    with fault(data / FILE_NAME):
+        kept = kept_of(again, data)
         assert kept.read(NOW_S + 1.0) == []
         again.receive(status("A-1", NOW_S + 2.0), NOW_S + 2.0, FROM_ALDER)
         keeping = asyncio.create_task(kept.keep(lambda: -inf, lambda: NOW_S + 3.0))
@@ -318,7 +320,7 @@ async def test_a_file_that_is_locked_at_the_start_is_read_as_soon_as_it_is_free(
     keeping.cancel()
     await asyncio.gather(keeping, return_exceptions=True)
     assert {name: size for _, name, _, size in identified(again).values()}.keys() == {"Alder A-1", "Alder A-2"}
-    assert set(rows(tmp_path)) == {robot("A-1"), robot("A-2")}
+    assert set(rows(data)) == {robot("A-1"), robot("A-2")}
 
 
 async def test_a_file_that_is_removed_while_the_service_runs_has_all_robots_again(
