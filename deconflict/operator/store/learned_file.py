@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ingest.measures.measures import Measures
-from ingest.plain_files import UnfitFileError, read_file, with_advice
+from ingest.plain_files import UnfitFileError, check_folder, read_file, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -22,15 +22,20 @@ class LearnedFile:
 
     def __init__(self, directory: Path, measures: Measures) -> None:
         self.path, self._measures = directory / FILE_NAME, measures
+        self._unread = ""
+        """Why it could not be read for now. What is there later may be sound."""
         for operation in ("read", "write"):
             measures.count(FAILURES, operation, by=0)
         measures.count(PARTS, WHOLE, by=0)
 
     def read(self) -> bytes:
         """The bytes written last; empty if there is no file, or it can't be read."""
+        self._unread = ""
         try:
+            check_folder(self.path)
             return read_file(self.path) if self.path.exists() else b""
         except UnfitFileError as error:
+            self._unread = str(error)
             self._failed("read", f"{error}; learning begins anew")
             return b""
         except OSError as error:
@@ -39,11 +44,15 @@ class LearnedFile:
 
     def write(self, data: bytes) -> None:
         """Replace the file. The new one is synchronised to disk before it gets the name."""
+        if self._unread and self.path.is_file():
+            self.set_aside(f"it was put there after the engine had started without it ({self._unread})")
         try:
             replace_file(self.path, data)
         except OSError as error:
             advised = with_advice(error, "free some space, or check the owner")
             self._failed("write", f"can't keep the learned state: {advised}")
+        else:
+            self._unread = ""
 
     def set_parts_aside(self, reasons: Mapping[str, str]) -> None:
         """Keep a copy of a file of which these parts can't be used; the engine goes on with the others."""
