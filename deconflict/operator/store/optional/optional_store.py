@@ -10,7 +10,7 @@ from deconflict.operator.store import pruning
 from deconflict.operator.store.optional.newest_known import NewestKnown
 from deconflict.operator.store.optional.optional_connections import OptionalConnections
 from deconflict.operator.store.optional.stand_in import MOST_BYTES
-from deconflict.operator.store.sqlite_connections import StoreConnections
+from deconflict.operator.store.sqlite_connections import DamagedStoreError, StoreConnections
 from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import Acknowledgement
 from deconflict_client.situations import AnyRevision
@@ -27,7 +27,7 @@ class OptionalStore(Store):
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         super().__init__(directory, follows_stream=follows_stream)
         self._is_closed = False
-        self._known = self._read_known()
+        self._known = self._first_known()
 
     @property
     def outage(self) -> str | None:  # type: ignore[override]
@@ -106,6 +106,16 @@ class OptionalStore(Store):
         self._number_lock = RLock()
         self.connections.leave_waiting()
         return True
+
+    def _first_known(self) -> NewestKnown:
+        """Of the file, of the one that takes its place if it is damaged, or of memory if neither can be read."""
+        with suppress(DamagedStoreError):
+            return self._read_known()
+        try:
+            return self._read_known()
+        except StoreError as error:
+            self.connections.leave_file(str(error), (), ())
+        return self._read_known()
 
     def _read_known(self) -> NewestKnown:
         with self.connections.long_reading() as db:

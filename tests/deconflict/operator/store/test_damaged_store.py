@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from deconflict.operator.store.optional.optional_connections import OptionalConnections
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import BLOCK, epoch
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.sqlite_connections import FILE_NAME, DamagedStoreError
@@ -204,3 +206,29 @@ def test_a_document_in_which_a_query_finds_damage_is_left_behind_in_the_old_file
     assert store.connections.renewal
     assert store.connections.renewal.salvage == (9, 1, True)
     store.close()
+
+
+@pytest.mark.parametrize("table", ["revisions", "advisories", "encounters", "burdens", "positions"])
+def test_a_damaged_page_keeps_no_store_from_beginning(tmp_path: Path, table: str) -> None:
+    path = filled(tmp_path)
+    damage(path, page(page_of(path, table)))
+    with closing(OptionalStore(tmp_path)) as store:
+        assert store.connections.renewal
+        assert store.outage is None
+        assert store.append([made(1_000)])[0].seq > 400
+
+
+def test_a_damaged_file_that_cannot_be_set_aside_leaves_memory_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = filled(tmp_path)
+    damage(path, page(page_of(path, "burdens")))
+    monkeypatch.setattr(OptionalConnections, "_may_renew", lambda _: False)
+    with closing(OptionalStore(tmp_path)) as store:
+        assert store.outage
+        assert store.append([made(1_000)])[0].seq > epoch(time.time() - 60.0)
+        monkeypatch.undo()
+        while store.outage:
+            store.attach()
+        assert store.get("advisory-1000")
+        assert store.connections.renewal
