@@ -143,6 +143,8 @@ class StandIn:
         self._begun_after = state.last_seq if state else 0
         """What has a higher number was never in the file."""
         unstored = [revision for revision in pending if revision.seq > self._begun_after]
+        self._answered = {revision.seq for revision in unstored if revision.seq in answered}
+        """Numbers of answers to what it may not know itself."""
         for revision in unstored:
             tables.write_one(self.db, revision, answered)
         self._epoch = 0
@@ -169,7 +171,7 @@ class StandIn:
         for seq, document, is_answer in rows:
             if seq + shift > last:
                 revision = tables.revision_of(document).model_copy(update={"seq": seq + shift})
-                if error := tables.write_one(file, revision, {seq + shift} if is_answer else ()):
+                if error := tables.write_one(file, revision, {seq + shift} if is_answer or seq in self._answered else ()):
                     log.warning("%s, revision %d, is not stored: %s", revision.id, revision.revision, error)
         return shift
 

@@ -14,10 +14,10 @@ from deconflict.operator.store.optional.stand_in import State
 from deconflict.operator.store.publisher import Publisher
 from deconflict.operator.store.sqlite_connections import StoreConnections
 from deconflict.operator.store.store import Store
-from deconflict_client.advisory import ADVISORY_KINDS
+from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement
 from ingest.measures.measures import Measures
 from tests.deconflict.roles.made_disks import disk_that_can_stick
-from tests.helpers.made_advisories import cleared, made
+from tests.helpers.made_advisories import START, cleared, made
 from tests.helpers.patience import PATIENCE_S
 
 
@@ -125,6 +125,26 @@ def test_memory_knows_what_outlets_have_not_sent_who_yielded_and_the_numbers_of_
     with closing(Store(tmp_path)) as again:
         assert again.burdens_s() == {"Acme": 5.0}
         assert [each.id for each in again.latest("open").advisories] == ["advisory-3", "advisory-1"]
+
+
+def test_an_answer_that_waits_for_a_disk_that_hangs_holds_in_memory_and_in_the_file(tmp_path: Path) -> None:
+    given = Acknowledgement(name="Kim", reason="seen", at=START)
+    with closing(Store(tmp_path)) as before:
+        before.append([made(1)])
+    with closing(OptionalStore(tmp_path)) as store:
+        store.accept_answer("advisory-1", given)
+        assert store.leave_stuck()
+        store.append([made(2)])
+        (later,) = store.append([made(1, 2)])
+        assert later.acknowledgement == given
+        while store.outage:
+            store.attach()
+        assert [(each.revision, each.acknowledgement) for each in store.get("advisory-1")] == [
+            (1, None),
+            (1, given),
+            (2, given),
+        ]
+        assert store.append([made(1, 3)])[0].acknowledgement == given
 
 
 def test_an_outlet_moves_on_while_the_disk_does_not_answer(tmp_path: Path) -> None:
