@@ -100,7 +100,7 @@ class SqliteConnections:
         self._locks = new_locks()
         self.changing = Lock()
         """Held while a file takes the place of another one, or of memory. Nobody waits for the disk with it."""
-        self._is_damaged, self._renewed_s = False, float("-inf")
+        self._opening, self._is_damaged, self._renewed_s = Lock(), False, float("-inf")
         self.renewal: Renewal | None = None
         """The last one since the start."""
         self._reserved = ReservedNumbers(directory)
@@ -177,12 +177,14 @@ class SqliteConnections:
         self._file, self._identity = file, identity
 
     def _opened_or_renewed(self) -> StoreConnections:
-        """Raises `StoreError`."""
-        try:
-            return self._opened()
-        except DamagedStoreError:
-            if not self._may_renew():
-                raise
+        """By one thread at a time: one that waited long for the disk may be in this still. Raises `StoreError`."""
+        with self._opening:
+            if not (self._is_damaged and self._may_renew()):
+                try:
+                    return self._opened()
+                except DamagedStoreError:
+                    if not self._may_renew():
+                        raise
             return self._renewed()
 
     def _opened(self) -> StoreConnections:
@@ -268,7 +270,7 @@ class SqliteConnections:
             with self._all_locked() as locks:
                 if self._is_damaged and locks is self._locks:
                     self._file.close()
-                    self._use(self._renewed(), locks)
+                    self._use(self._opened_or_renewed(), locks)
 
     @contextmanager
     def _all_locked(self) -> Iterator[StoreLocks]:

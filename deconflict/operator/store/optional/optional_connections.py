@@ -6,9 +6,9 @@ One connection to that database stands for all four.
 import logging
 import sqlite3
 import time
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from threading import Lock, Thread
@@ -155,7 +155,7 @@ class OptionalConnections(SqliteConnections):
         """
         if (stand_in := self._stand_in) is None:
             return False
-        with ExitStack() as at_error, self._all_locked() as locks:
+        with ExitStack() as at_error, self._said_errors(), self._all_locked() as locks:
             at_error.callback(file.close)
             self._write_rows(stand_in, file.writer, self._next_rows(stand_in))
             with self._explained_errors(), begun(file.writer, "BEGIN IMMEDIATE"):
@@ -170,6 +170,14 @@ class OptionalConnections(SqliteConnections):
             self._close_left()
             log.warning("%s is in use again", self.path)
         return is_used
+
+    @contextmanager
+    def _said_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except StoreError as error:
+            self.outage = str(error)
+            raise
 
     def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
         super()._begin_use(file, identity)
@@ -231,7 +239,7 @@ class OptionalConnections(SqliteConnections):
             self._stand_in = StandIn(None, None)  # its follower reads the stream again
         else:
             self._stand_in = StandIn(state, max(self._reserved.last, self._known_seq), pending, answered)
-        self.outage = why
+        self.outage, self._is_damaged = why, False
         self._file = StoreConnections(*4 * [self._stand_in.db])
         known = "what is open in it is known" if state else "nothing of it is known"
         log.error("advisories are kept in memory, and the file is tried again each second: %s; %s", why, known)
