@@ -1,6 +1,7 @@
 """A disk that answers nothing for a second time, or while memory takes the place of its file."""
 
 import asyncio
+import sqlite3
 import subprocess
 import threading
 from contextlib import closing
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.faulty_files.faults import held_alone
 from deconflict.advisories.encounter_numbers import FORGOTTEN
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.optional.stand_in import State
@@ -95,6 +97,38 @@ async def test_a_thread_that_left_a_file_late_does_not_replace_the_memory_that_t
         await attaching
         assert published[0] in store.after(0)
         assert [each.id for each in store.latest("open").advisories] == ["advisory-2", "advisory-1"]
+
+
+def test_an_outlet_misses_nothing_if_a_disk_sticks_after_it_took_what_is_over(tmp_path: Path) -> None:
+    with closing(Store(tmp_path)) as before:
+        before.append([made(1), made(2)])
+        before.set_position("hook", 2)
+        before.flush()
+    with held_alone(before.path):
+        store = OptionalStore(tmp_path)
+        store.note_engine()
+        sent, *_ = store.append([made(number) for number in range(3, 8)])
+        store.set_position("hook", sent.seq)
+    stand_in = store.connections._stand_in
+    assert stand_in
+    finish = stand_in.finish
+
+    def finish_as_the_disk_sticks(file: sqlite3.Connection, now_s: float) -> None:
+        finish(file, now_s)
+        leaving = threading.Thread(target=store.leave_stuck)
+        leaving.start()
+        leaving.join()
+
+    stand_in.finish = finish_as_the_disk_sticks  # type: ignore[method-assign]
+    store.attach()
+    assert store.outage
+    stand_in.finish = finish  # type: ignore[method-assign]
+    store.append([made(8)])
+    while store.outage:
+        store.attach()
+    unsent = store.page_after(store.position("hook") or 0, ADVISORY_KINDS, 100).revisions
+    assert [each.id for each in unsent] == [f"advisory-{number}" for number in (4, 5, 6, 7, 1, 2, 8)]
+    store.close()
 
 
 def test_memory_knows_what_outlets_have_not_sent_who_yielded_and_the_numbers_of_encounters(tmp_path: Path) -> None:
