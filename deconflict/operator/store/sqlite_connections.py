@@ -150,6 +150,10 @@ class SqliteConnections:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
         return self._transaction(lambda: self._file.long_reader, self._locks.long_reader, "BEGIN")
 
+    def most_bytes(self, db: sqlite3.Connection, most_bytes: float) -> float:  # noqa: ARG002 - of memory, another one
+        """The size to keep a database within if its file is to be kept within `most_bytes`."""
+        return most_bytes
+
     def close(self) -> None:
         with self._all_locked():
             self._file.close()

@@ -15,7 +15,7 @@ from threading import Lock, Thread
 from typing import TypeVar
 
 from deconflict.operator.store.migrations import UPGRADES
-from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
+from deconflict.operator.store.optional.stand_in import MOST_BYTES, STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import (
     SqliteConnections,
@@ -70,6 +70,11 @@ class OptionalConnections(SqliteConnections):
     @property
     def is_in_memory(self) -> bool:
         return self._stand_in is not None
+
+    def most_bytes(self, db: sqlite3.Connection, most_bytes: float) -> float:
+        """Asked of a database: the file may take the place of memory while its size is measured, or the other way."""
+        stand_in = self._stand_in
+        return min(most_bytes, MOST_BYTES) if stand_in and stand_in.db is db else most_bytes
 
     def note_engine(self) -> None:
         """An engine resumes with what is open now."""

@@ -4,12 +4,12 @@ import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from sys import maxsize
 from threading import RLock
 
 from deconflict.operator.store import pruning
 from deconflict.operator.store.optional.newest_known import NewestKnown
 from deconflict.operator.store.optional.optional_connections import OptionalConnections
-from deconflict.operator.store.optional.stand_in import MOST_BYTES
 from deconflict.operator.store.sqlite_connections import DamagedStoreError, StoreConnections
 from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import Acknowledgement
@@ -26,7 +26,7 @@ class OptionalStore(Store):
 
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         super().__init__(directory, follows_stream=follows_stream)
-        self._is_closed = False
+        self._is_closed, self._removed = False, 0
         self._known = self._first_known()
 
     @property
@@ -131,5 +131,17 @@ class OptionalStore(Store):
             log.error("what was published since %s could not be used is lost: %s", self.path, self.outage)
         super().close()
 
-    def prune_to(self, most_bytes: int) -> int:
-        return super().prune_to(min(most_bytes, MOST_BYTES) if self.connections.is_in_memory else most_bytes)
+    def flush(self) -> None:
+        """As before. Memory stays within its size whatever the disk does: others who remove may wait for that."""
+        super().flush()
+        if self.connections.is_in_memory:
+            removed = super().prune_to(maxsize)
+            with self._number_lock:
+                self._removed += removed
+
+    def prune_to(self, most_bytes: float) -> int:
+        """As before, with those that `flush` has removed since."""
+        removed = super().prune_to(most_bytes)
+        with self._number_lock:
+            removed, self._removed = removed + self._removed, 0
+        return removed
