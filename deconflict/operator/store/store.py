@@ -101,8 +101,9 @@ class Store:
                         pending.append(known)
                         known_pending[known.id, known.revision] = known
                     accepted.append(known)
-            self._refuse_if_left(lock)
-            self._pending = pending
+            with self.connections.changing:
+                self._refuse_if_left(lock)
+                self._pending = pending
             self.unwritable += unwritable
         return accepted
 
@@ -134,7 +135,7 @@ class Store:
             answered = self._answers.unstored
             unwritable += [(each, error) for each in new if (error := tables.write_one(db, each, answered))]
             tables.put_positions(db, positions)
-        with self._number_lock:
+        with self._number_lock, self.connections.changing:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
@@ -186,9 +187,10 @@ class Store:
             if newest is None or (seq is not None and seq <= last):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
-            self._refuse_if_left(lock)
-            self._answers.unstored[answered.seq] = answered
-            self._pending = [*self._pending, answered]
+            with self.connections.changing:
+                self._refuse_if_left(lock)
+                self._answers.unstored[answered.seq] = answered
+                self._pending = [*self._pending, answered]
         return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyRevision]:

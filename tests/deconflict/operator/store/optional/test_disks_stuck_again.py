@@ -99,6 +99,57 @@ async def test_a_thread_that_left_a_file_late_does_not_replace_the_memory_that_t
         assert [each.id for each in store.latest("open").advisories] == ["advisory-2", "advisory-1"]
 
 
+@pytest.mark.parametrize("is_answer", [False, True])
+def test_what_gets_its_number_as_a_file_is_left_is_in_memory(is_answer: bool, tmp_path: Path) -> None:
+    with closing(OptionalStore(tmp_path)) as store:
+        store.accept([made(1)])
+        store.flush()
+        refuse, leaving = store._refuse_if_left, threading.Thread(target=store.leave_stuck)
+
+        def refuse_before_it_is_left(lock: object) -> None:
+            refuse(lock)
+            leaving.start()
+            leaving.join(0.2)
+
+        store._refuse_if_left = refuse_before_it_is_left  # type: ignore[method-assign]
+        if is_answer:
+            given = store.accept_answer("advisory-1", Acknowledgement(name="Kim", reason="seen", at=START))
+        else:
+            (given,) = store.accept([made(1, 2)])
+        store._refuse_if_left = refuse  # type: ignore[method-assign]
+        leaving.join()
+        store.flush()
+        assert store.get("advisory-1")[-1] == given
+        while store.outage:
+            store.attach()
+        assert [each.revision for each in store.get("advisory-1")] == [1, 2 - is_answer]
+
+
+async def test_revisions_go_out_if_the_disk_sticks_again_as_soon_as_it_was_left(tmp_path: Path) -> None:
+    with closing(OptionalStore(tmp_path)) as store:
+        publisher, leave, answers = Publisher(store, Measures()), store.leave_stuck, threading.Event()
+
+        def hand_over() -> None:
+            with store._number_lock:
+                answers.wait(PATIENCE_S)
+
+        def leave_as_it_sticks_again() -> bool:
+            is_left = leave()
+            if not answers.is_set() and not threads:
+                threads.append(threading.Thread(target=hand_over))
+                threads[0].start()
+            return is_left
+
+        threads: list[threading.Thread] = []
+        store.leave_stuck = leave_as_it_sticks_again  # type: ignore[method-assign]
+        with store.connections.numbering():
+            async with asyncio.timeout(PATIENCE_S):
+                published = await publisher.publish([made(1)])
+        answers.set()
+        threads[0].join()
+        assert store.after(0) == published
+
+
 def test_an_outlet_misses_nothing_if_a_disk_sticks_after_it_took_what_is_over(tmp_path: Path) -> None:
     with closing(Store(tmp_path)) as before:
         before.append([made(1), made(2)])
