@@ -169,16 +169,15 @@ class SqliteConnections:
     def _use(self, file: StoreConnections, locks: StoreLocks) -> bool:
         """Use a file from now on. `locks` are held; if others have taken their place meanwhile, so has memory, and the
         file is closed. Returns whether it is in use."""
-        status = self.path.stat()
         with self.changing:
             if is_used := locks is self._locks:
-                self._begin_use(file, (status.st_dev, status.st_ino))
+                self._begin_use(file)
         if not is_used:
             file.close()
         return is_used
 
-    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
-        self._file, self._identity = file, identity
+    def _begin_use(self, file: StoreConnections) -> None:
+        self._file = file
 
     def _opened_or_renewed(self) -> StoreConnections:
         """By one thread at a time: one that waited long for the disk may be in this still. Raises `StoreError`."""
@@ -196,6 +195,7 @@ class SqliteConnections:
         with ExitStack() as opened, self._explained_errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             file = StoreConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
+            status = self.path.stat()  # now: when it is used, another one may have its place
             self._check_tables(file.writer)
             self._upgrade(file.writer)
             if self._lost_some:
@@ -205,6 +205,7 @@ class SqliteConnections:
                 db.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_S * 1000:.0f}")
             for reader in file[1:]:
                 reader.execute("PRAGMA query_only = ON")
+            self._identity = status.st_dev, status.st_ino
             opened.pop_all()
         return file
 

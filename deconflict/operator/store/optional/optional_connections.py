@@ -184,8 +184,8 @@ class OptionalConnections(SqliteConnections):
             self.outage = str(error)
             raise
 
-    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
-        super()._begin_use(file, identity)
+    def _begin_use(self, file: StoreConnections) -> None:
+        super()._begin_use(file)
         self._stand_in = self.outage = None
         self._is_damaged = False
 

@@ -330,6 +330,23 @@ def test_what_was_removed_from_memory_counts_as_removed_in_the_file(data: Path) 
     store.close()
 
 
+def test_a_file_that_is_replaced_while_it_takes_the_place_of_memory_is_noticed(data: Path) -> None:
+    store = OptionalStore(data)
+    assert store.leave_stuck()
+    store.append([made(3)])
+    file = store.connections.opened_again()
+    assert file
+    store.path.rename(data / "elsewhere.db")
+    Store(data).close()
+    store.connections.use_again(file)
+    store.append([made(4)])
+    assert store.attach()
+    assert store.outage is None
+    store.close()
+    with closing(Store(data)) as again:
+        assert [each.id for each in again.latest("open").advisories] == ["advisory-4", "advisory-3", "advisory-2"]
+
+
 @pytest.fixture
 def little_memory(monkeypatch: pytest.MonkeyPatch) -> int:
     """The size of memory, in bytes."""
