@@ -9,7 +9,7 @@ from threading import RLock
 
 from deconflict.operator.store import pruning
 from deconflict.operator.store.optional.newest_known import NewestKnown
-from deconflict.operator.store.optional.optional_connections import OptionalConnections
+from deconflict.operator.store.optional.optional_connections import OPEN_STUCK_S, OptionalConnections, within
 from deconflict.operator.store.sqlite_connections import DamagedStoreError, StoreConnections
 from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import Acknowledgement
@@ -122,7 +122,13 @@ class OptionalStore(Store):
             return NewestKnown.read(db)
 
     def close(self) -> None:
-        """Hand over what memory has, if the file takes it now."""
+        """Hand over what memory has, if the file takes it now. It waits for the disk no longer than a start does."""
+        try:
+            within(OPEN_STUCK_S, self._close)
+        except StoreError as error:
+            log.error("what was published and is not in %s may be lost: %s", self.path, error)
+
+    def _close(self) -> None:
         if self.outage:
             with suppress(StoreError):
                 self.attach()

@@ -171,7 +171,9 @@ class StandIn:
         for seq, document, is_answer in rows:
             if seq + shift > last:
                 revision = tables.revision_of(document).model_copy(update={"seq": seq + shift})
-                if error := tables.write_one(file, revision, {seq + shift} if is_answer or seq in self._answered else ()):
+                if error := tables.write_one(
+                    file, revision, {seq + shift} if is_answer or seq in self._answered else ()
+                ):
                     log.warning("%s, revision %d, is not stored: %s", revision.id, revision.revision, error)
         return shift
 

@@ -11,7 +11,6 @@ from threading import Thread
 import pytest
 
 from benchmarks.faulty_files.faults import held_alone
-
 from deconflict.operator.store.optional.optional_connections import OptionalConnections
 from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import BLOCK, epoch

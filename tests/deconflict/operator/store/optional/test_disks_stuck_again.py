@@ -18,7 +18,7 @@ from deconflict.operator.store.sqlite_connections import StoreConnections
 from deconflict.operator.store.store import Store
 from deconflict_client.advisory import ADVISORY_KINDS, Acknowledgement
 from ingest.measures.measures import Measures
-from tests.deconflict.roles.made_disks import disk_that_can_stick
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import START, cleared, made
 from tests.helpers.patience import PATIENCE_S
 
@@ -97,6 +97,24 @@ async def test_a_thread_that_left_a_file_late_does_not_replace_the_memory_that_t
         await attaching
         assert published[0] in store.after(0)
         assert [each.id for each in store.latest("open").advisories] == ["advisory-2", "advisory-1"]
+
+
+@pytest.mark.parametrize("is_left", [False, True])
+def test_a_store_is_closed_although_its_disk_does_not_answer(
+    is_left: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("deconflict.operator.store.optional.optional_store.OPEN_STUCK_S", 0.2, raising=False)
+    with disk_that_can_stick(tmp_path) as disk:
+        store = OptionalStore(disk / "data")
+        closing_store = threading.Thread(target=store.close, daemon=True)
+        with stuck(disk):
+            if is_left:
+                assert store.leave_stuck()
+            store.accept([made(1)])
+            closing_store.start()
+            closing_store.join(PATIENCE_S)
+            assert not closing_store.is_alive()
+        assert "may be lost" in caplog.text
 
 
 @pytest.mark.parametrize("is_answer", [False, True])
