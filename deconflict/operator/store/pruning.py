@@ -7,7 +7,7 @@ position of no other subscriber: it keeps the highest removed numbers, so that o
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from sys import maxsize
 from threading import Lock
@@ -229,3 +229,15 @@ class OutletPositions:
             with self._lock:
                 self._is_removing = False
                 self._late.clear()
+
+
+def remove_in_steps(
+    outlets: OutletPositions, connections: SqliteConnections, remove: Callable[[sqlite3.Connection], int]
+) -> int:
+    """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
+    pruned, removed = 0, 1
+    while removed:
+        with outlets.removing(connections) as db:
+            removed = remove(db)
+        pruned += removed
+    return pruned

@@ -179,7 +179,7 @@ class Publisher:
         if asking.done() or not await self._has_left():
             return await asking
         asking.add_done_callback(lambda left: left.cancelled() or left.exception())  # nobody else asks for it
-        return await asyncio.to_thread(question)
+        return await self._answered(question)
 
     async def leave_stuck(self) -> None:
         """Go on without a file whose disk does not answer."""

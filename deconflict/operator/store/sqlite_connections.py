@@ -100,7 +100,7 @@ class SqliteConnections:
         self._locks = new_locks()
         self.changing = Lock()
         """Held while a file takes the place of another one, or of memory. Nobody waits for the disk with it."""
-        self._is_damaged, self._renewed_s = False, float("-inf")
+        self._opening, self._is_damaged, self._renewed_s = Lock(), False, float("-inf")
         self.renewal: Renewal | None = None
         """The last one since the start."""
         self._reserved = ReservedNumbers(directory)
@@ -150,6 +150,10 @@ class SqliteConnections:
         """For a read that takes long, such as an hour of revisions: other readers and writers do not wait for it."""
         return self._transaction(lambda: self._file.long_reader, self._locks.long_reader, "BEGIN")
 
+    def most_bytes(self, db: sqlite3.Connection, most_bytes: float) -> float:  # noqa: ARG002 - of memory, another one
+        """The size to keep a database within if its file is to be kept within `most_bytes`."""
+        return most_bytes
+
     def close(self) -> None:
         with self._all_locked():
             self._file.close()
@@ -165,24 +169,25 @@ class SqliteConnections:
     def _use(self, file: StoreConnections, locks: StoreLocks) -> bool:
         """Use a file from now on. `locks` are held; if others have taken their place meanwhile, so has memory, and the
         file is closed. Returns whether it is in use."""
-        status = self.path.stat()
         with self.changing:
             if is_used := locks is self._locks:
-                self._begin_use(file, (status.st_dev, status.st_ino))
+                self._begin_use(file)
         if not is_used:
             file.close()
         return is_used
 
-    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
-        self._file, self._identity = file, identity
+    def _begin_use(self, file: StoreConnections) -> None:
+        self._file = file
 
     def _opened_or_renewed(self) -> StoreConnections:
-        """Raises `StoreError`."""
-        try:
-            return self._opened()
-        except DamagedStoreError:
-            if not self._may_renew():
-                raise
+        """By one thread at a time: one that waited long for the disk may be in this still. Raises `StoreError`."""
+        with self._opening:
+            if not (self._is_damaged and self._may_renew()):
+                try:
+                    return self._opened()
+                except DamagedStoreError:
+                    if not self._may_renew():
+                        raise
             return self._renewed()
 
     def _opened(self) -> StoreConnections:
@@ -190,6 +195,7 @@ class SqliteConnections:
         with ExitStack() as opened, self._explained_errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             file = StoreConnections(*(opened.enter_context(closing(self._connect())) for _ in range(4)))
+            status = self.path.stat()  # now: when it is used, another one may have its place
             self._check_tables(file.writer)
             self._upgrade(file.writer)
             if self._lost_some:
@@ -199,6 +205,7 @@ class SqliteConnections:
                 db.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_S * 1000:.0f}")
             for reader in file[1:]:
                 reader.execute("PRAGMA query_only = ON")
+            self._identity = status.st_dev, status.st_ino
             opened.pop_all()
         return file
 
@@ -268,7 +275,7 @@ class SqliteConnections:
             with self._all_locked() as locks:
                 if self._is_damaged and locks is self._locks:
                     self._file.close()
-                    self._use(self._renewed(), locks)
+                    self._use(self._opened_or_renewed(), locks)
 
     @contextmanager
     def _all_locked(self) -> Iterator[StoreLocks]:

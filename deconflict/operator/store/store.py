@@ -10,9 +10,10 @@ commits, but not the file.
 
 import sqlite3
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from itertools import chain, islice
 from operator import attrgetter
 from pathlib import Path
@@ -100,8 +101,9 @@ class Store:
                         pending.append(known)
                         known_pending[known.id, known.revision] = known
                     accepted.append(known)
-            self._refuse_if_left(lock)
-            self._pending = pending
+            with self.connections.changing:
+                self._refuse_if_left(lock)
+                self._pending = pending
             self.unwritable += unwritable
         return accepted
 
@@ -133,7 +135,7 @@ class Store:
             answered = self._answers.unstored
             unwritable += [(each, error) for each in new if (error := tables.write_one(db, each, answered))]
             tables.put_positions(db, positions)
-        with self._number_lock:
+        with self._number_lock, self.connections.changing:
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
@@ -185,9 +187,10 @@ class Store:
             if newest is None or (seq is not None and seq <= last):
                 return newest
             answered = newest.model_copy(update={"seq": seq or last + 1, "acknowledgement": answer})
-            self._refuse_if_left(lock)
-            self._answers.unstored[answered.seq] = answered
-            self._pending = [*self._pending, answered]
+            with self.connections.changing:
+                self._refuse_if_left(lock)
+                self._answers.unstored[answered.seq] = answered
+                self._pending = [*self._pending, answered]
         return answered
 
     def after(self, seq: int, limit: int = 100) -> list[AnyRevision]:
@@ -311,30 +314,27 @@ class Store:
         pruning.forget_surplus_pairs(self.connections)
         with self.connections.long_reading() as db:
             last = pruning.last_old(db, before.timestamp(), latest_s)
-        return self._prune(lambda db: pruning.remove_old(db, before.timestamp(), latest_s, last))
+        remove = partial(pruning.remove_old, before_s=before.timestamp(), latest_s=latest_s, last=last)
+        return pruning.remove_in_steps(self.outlets, self.connections, remove)
 
-    def prune_to(self, most_bytes: int) -> int:
+    def prune_to(self, most_bytes: float) -> int:
         """If the file uses more, remove cleared advisories until it uses less by `pruning.ROOM`; returns how many."""
-        if self.used_bytes() <= most_bytes:
-            return 0
+        with self.connections.reading() as db:
+            if pruning.used_bytes(db) <= self.connections.most_bytes(db, most_bytes):
+                return 0
         with self.connections.long_reading() as db:
             revisions = pruning.revisions_by_vendors(db)
-        least_bytes = most_bytes * (1 - pruning.ROOM)
-        return self._prune(lambda db: pruning.remove_of_most(db, least_bytes, revisions, self.outlets.reaches(db)))
+
+        def remove(db: sqlite3.Connection) -> int:
+            least_bytes = self.connections.most_bytes(db, most_bytes) * (1 - pruning.ROOM)
+            return pruning.remove_of_most(db, least_bytes, revisions, self.outlets.reaches(db))
+
+        return pruning.remove_in_steps(self.outlets, self.connections, remove)
 
     def used_bytes(self) -> int:
         """Size of the file without its free pages."""
         with self.connections.reading() as db:
             return pruning.used_bytes(db)
-
-    def _prune(self, remove: Callable[[sqlite3.Connection], int]) -> int:
-        """Remove advisories in a transaction for each step, so that no revision waits long to be stored."""
-        pruned, removed = 0, 1
-        while removed:
-            with self.outlets.removing(self.connections) as db:
-                removed = remove(db)
-            pruned += removed
-        return pruned
 
     @contextmanager
     def _file_and_pending(self, *, long: bool = False) -> Iterator[tuple[sqlite3.Connection, PendingWrites]]:

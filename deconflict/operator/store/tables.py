@@ -207,15 +207,15 @@ def newest(db: sqlite3.Connection, advisory_id: str) -> AnyRevision | None:
 
 
 def write_answer(db: sqlite3.Connection, answered: AnyRevision) -> None:
-    """Write a numbered revision that repeats the newest one, with an answer."""
+    """Write a numbered revision that repeats the newest one, if the database has that, with an answer."""
     answer = answered.acknowledgement
     if answer is None:
         raise ValueError(f"{answered.id} has no answer")
-    db.execute(
-        "UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?",
-        (answer.model_dump_json(), answered.id),
-    )
-    insert(db, answered, answers_of(db, answered.id)[0], answer.at)
+    newest = answer.model_dump_json(), answered.id
+    if db.execute("UPDATE advisories SET answers = answers + 1, acknowledgement = ? WHERE id = ?", newest).rowcount:
+        insert(db, answered, answers_of(db, answered.id)[0], answer.at)
+    else:
+        write_known(db, answered)
 
 
 def write_known(db: sqlite3.Connection, revision: AnyRevision) -> None:

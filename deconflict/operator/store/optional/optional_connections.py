@@ -6,16 +6,16 @@ One connection to that database stands for all four.
 import logging
 import sqlite3
 import time
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from threading import Lock, Thread
 from typing import TypeVar
 
 from deconflict.operator.store.migrations import UPGRADES
-from deconflict.operator.store.optional.stand_in import STEP, StandIn, State, readable_state, state_of
+from deconflict.operator.store.optional.stand_in import MOST_BYTES, STEP, StandIn, State, readable_state, state_of
 from deconflict.operator.store.recovery.reserved_numbers import epoch
 from deconflict.operator.store.sqlite_connections import (
     SqliteConnections,
@@ -70,6 +70,11 @@ class OptionalConnections(SqliteConnections):
     @property
     def is_in_memory(self) -> bool:
         return self._stand_in is not None
+
+    def most_bytes(self, db: sqlite3.Connection, most_bytes: float) -> float:
+        """Asked of a database: the file may take the place of memory while its size is measured, or the other way."""
+        stand_in = self._stand_in
+        return min(most_bytes, MOST_BYTES) if stand_in and stand_in.db is db else most_bytes
 
     def note_engine(self) -> None:
         """An engine resumes with what is open now."""
@@ -155,7 +160,7 @@ class OptionalConnections(SqliteConnections):
         """
         if (stand_in := self._stand_in) is None:
             return False
-        with ExitStack() as at_error, self._all_locked() as locks:
+        with ExitStack() as at_error, self._said_errors(), self._all_locked() as locks:
             at_error.callback(file.close)
             self._write_rows(stand_in, file.writer, self._next_rows(stand_in))
             with self._explained_errors(), begun(file.writer, "BEGIN IMMEDIATE"):
@@ -171,8 +176,16 @@ class OptionalConnections(SqliteConnections):
             log.warning("%s is in use again", self.path)
         return is_used
 
-    def _begin_use(self, file: StoreConnections, identity: tuple[int, int]) -> None:
-        super()._begin_use(file, identity)
+    @contextmanager
+    def _said_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except StoreError as error:
+            self.outage = str(error)
+            raise
+
+    def _begin_use(self, file: StoreConnections) -> None:
+        super()._begin_use(file)
         self._stand_in = self.outage = None
         self._is_damaged = False
 
@@ -231,7 +244,7 @@ class OptionalConnections(SqliteConnections):
             self._stand_in = StandIn(None, None)  # its follower reads the stream again
         else:
             self._stand_in = StandIn(state, max(self._reserved.last, self._known_seq), pending, answered)
-        self.outage = why
+        self.outage, self._is_damaged = why, False
         self._file = StoreConnections(*4 * [self._stand_in.db])
         known = "what is open in it is known" if state else "nothing of it is known"
         log.error("advisories are kept in memory, and the file is tried again each second: %s; %s", why, known)

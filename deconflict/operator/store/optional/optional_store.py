@@ -4,13 +4,13 @@ import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from sys import maxsize
 from threading import RLock
 
 from deconflict.operator.store import pruning
 from deconflict.operator.store.optional.newest_known import NewestKnown
-from deconflict.operator.store.optional.optional_connections import OptionalConnections
-from deconflict.operator.store.optional.stand_in import MOST_BYTES
-from deconflict.operator.store.sqlite_connections import StoreConnections
+from deconflict.operator.store.optional.optional_connections import OPEN_STUCK_S, OptionalConnections, within
+from deconflict.operator.store.sqlite_connections import DamagedStoreError, StoreConnections
 from deconflict.operator.store.store import Store, StoreError
 from deconflict_client.advisory import Acknowledgement
 from deconflict_client.situations import AnyRevision
@@ -26,8 +26,8 @@ class OptionalStore(Store):
 
     def __init__(self, directory: Path, *, follows_stream: bool = False) -> None:
         super().__init__(directory, follows_stream=follows_stream)
-        self._is_closed = False
-        self._known = self._read_known()
+        self._is_closed, self._removed = False, 0
+        self._known = self._first_known()
 
     @property
     def outage(self) -> str | None:  # type: ignore[override]
@@ -107,12 +107,28 @@ class OptionalStore(Store):
         self.connections.leave_waiting()
         return True
 
+    def _first_known(self) -> NewestKnown:
+        """Of the file, of the one that takes its place if it is damaged, or of memory if neither can be read."""
+        with suppress(DamagedStoreError):
+            return self._read_known()
+        try:
+            return self._read_known()
+        except StoreError as error:
+            self.connections.leave_file(str(error), (), ())
+        return self._read_known()
+
     def _read_known(self) -> NewestKnown:
         with self.connections.long_reading() as db:
             return NewestKnown.read(db)
 
     def close(self) -> None:
-        """Hand over what memory has, if the file takes it now."""
+        """Hand over what memory has, if the file takes it now. It waits for the disk no longer than a start does."""
+        try:
+            within(OPEN_STUCK_S, self._close)
+        except StoreError as error:
+            log.error("what was published and is not in %s may be lost: %s", self.path, error)
+
+    def _close(self) -> None:
         if self.outage:
             with suppress(StoreError):
                 self.attach()
@@ -121,5 +137,17 @@ class OptionalStore(Store):
             log.error("what was published since %s could not be used is lost: %s", self.path, self.outage)
         super().close()
 
-    def prune_to(self, most_bytes: int) -> int:
-        return super().prune_to(min(most_bytes, MOST_BYTES) if self.connections.is_in_memory else most_bytes)
+    def flush(self) -> None:
+        """As before. Memory stays within its size whatever the disk does: others who remove may wait for that."""
+        super().flush()
+        if self.connections.is_in_memory:
+            removed = super().prune_to(maxsize)
+            with self._number_lock:
+                self._removed += removed
+
+    def prune_to(self, most_bytes: float) -> int:
+        """As before, with those that `flush` has removed since."""
+        removed = super().prune_to(most_bytes)
+        with self._number_lock:
+            removed, self._removed = removed + self._removed, 0
+        return removed

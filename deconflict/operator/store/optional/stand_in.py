@@ -142,7 +142,11 @@ class StandIn:
             state.write(self.db)
         self._begun_after = state.last_seq if state else 0
         """What has a higher number was never in the file."""
+        self._handed = [(self._begun_after, 0)]
+        """Up to these numbers the file has everything, each with the shift of those above the one before."""
         unstored = [revision for revision in pending if revision.seq > self._begun_after]
+        self._answered = {revision.seq for revision in unstored if revision.seq in answered}
+        """Numbers of answers to what it may not know itself."""
         for revision in unstored:
             tables.write_one(self.db, revision, answered)
         self._epoch = 0
@@ -153,14 +157,12 @@ class StandIn:
             self._begun_after = self._begun_after if unstored else self._epoch
         self._shift: int | None = None
         """What is added to its numbers for the file, which has given them to others; None until the file is known."""
-        self._handed_to = self._begun_after
-        """Up to this number everything was handed over."""
         self.has_engine = False
         """Whether an engine resumed with what this database has open."""
 
     def next_rows(self) -> list[tuple[int, str, int]]:
         """The next rows of `GIVEN` to hand over."""
-        return self.db.execute(GIVEN, (self._handed_to, STEP)).fetchall()
+        return self.db.execute(GIVEN, (self._handed[-1][0], STEP)).fetchall()
 
     def hand_over(self, file: sqlite3.Connection, rows: Iterable[tuple[int, str, int]]) -> int:
         """Write rows to the file, in a transaction. `handed_over` takes what this returns once that is committed."""
@@ -169,7 +171,9 @@ class StandIn:
         for seq, document, is_answer in rows:
             if seq + shift > last:
                 revision = tables.revision_of(document).model_copy(update={"seq": seq + shift})
-                if error := tables.write_one(file, revision, {seq + shift} if is_answer else ()):
+                if error := tables.write_one(
+                    file, revision, {seq + shift} if is_answer or seq in self._answered else ()
+                ):
                     log.warning("%s, revision %d, is not stored: %s", revision.id, revision.revision, error)
         return shift
 
@@ -200,19 +204,23 @@ class StandIn:
     def handed_over(self, rows: list[tuple[int, str, int]], shift: int) -> None:
         self._shift = shift
         if rows:
-            self._handed_to = rows[-1][0]
+            self._handed.append((rows[-1][0], shift))
+
+    def _in_file(self, seq: int) -> int:
+        """The number in the file of what has a number here."""
+        return seq + next((shift for last, shift in self._handed if seq <= last), self._shift or 0)
 
     def finish(self, file: sqlite3.Connection, now_s: float) -> None:
         """Hand over what is not a revision, and clear what nobody here knows to be open, or an outlet to be over."""
         known, shift = tables.positions(file), self._shift or 0
-        positions = {outlet: seq + shift for outlet, seq in tables.positions(self.db).items()}
+        positions = {outlet: self._in_file(seq) for outlet, seq in tables.positions(self.db).items()}
         if self.state is None and not self._follows_stream:
             skipping = [seq for outlet, seq in known.items() if seq < positions.get(outlet, 0)]
             for revision in [*self._unknown(file), *_missed(file, skipping, self._begun_after + shift)]:
                 cleared = revision.cleared_revision(now_s, ClearedCode.UNREAD)
                 tables.write_one(file, cleared.model_copy(update={"seq": tables.last_seq(file) + 1}), ())
         removed = self.db.execute("SELECT kind, seq FROM removed").fetchall()
-        tables.note_removed(file, ((kind, seq + shift) for kind, seq in removed))
+        tables.note_removed(file, ((kind, self._in_file(seq)) for kind, seq in removed))
         for outlet, seq in known.items():
             if self.state is None and seq < positions.get(outlet, 0):
                 log.warning("%s was not sent what the file had after number %d", outlet, seq)

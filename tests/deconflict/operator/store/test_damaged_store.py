@@ -6,16 +6,22 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
+from benchmarks.faulty_files.faults import held_alone
+from deconflict.operator.store.optional.optional_connections import OptionalConnections
+from deconflict.operator.store.optional.optional_store import OptionalStore
 from deconflict.operator.store.recovery.reserved_numbers import BLOCK, epoch
 from deconflict.operator.store.recovery.reserved_numbers import FILE_NAME as RESERVED
 from deconflict.operator.store.sqlite_connections import FILE_NAME, DamagedStoreError
 from deconflict.operator.store.store import Store
 from deconflict_client.advisory import Acknowledgement
 from tests.deconflict.operator.store.made_damage import PAGE_BYTES, damage, page, page_of
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
 from tests.helpers.made_advisories import ROBOTS, START, cleared, made
+from tests.helpers.patience import PATIENCE_S
 
 
 def filled(directory: Path, count: int = 400) -> Path:
@@ -204,3 +210,68 @@ def test_a_document_in_which_a_query_finds_damage_is_left_behind_in_the_old_file
     assert store.connections.renewal
     assert store.connections.renewal.salvage == (9, 1, True)
     store.close()
+
+
+@pytest.mark.parametrize("table", ["revisions", "advisories", "encounters", "burdens", "positions"])
+def test_a_damaged_page_keeps_no_store_from_beginning(tmp_path: Path, table: str) -> None:
+    path = filled(tmp_path)
+    damage(path, page(page_of(path, table)))
+    with closing(OptionalStore(tmp_path)) as store:
+        assert store.connections.renewal
+        assert store.outage is None
+        assert store.append([made(1_000)])[0].seq > 400
+
+
+def test_a_damaged_file_that_cannot_be_set_aside_leaves_memory_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = filled(tmp_path)
+    damage(path, page(page_of(path, "burdens")))
+    monkeypatch.setattr(OptionalConnections, "_may_renew", lambda _: False)
+    with closing(OptionalStore(tmp_path)) as store:
+        assert store.outage
+        assert store.append([made(1_000)])[0].seq > epoch(time.time() - 60.0)
+        monkeypatch.undo()
+        while store.outage:
+            store.attach()
+        assert store.get("advisory-1000")
+        assert store.connections.renewal
+
+
+@pytest.mark.parametrize("table", ["revisions", "positions"])
+def test_a_file_in_which_damage_is_found_while_memory_is_in_use_is_begun_anew(tmp_path: Path, table: str) -> None:
+    path = filled(tmp_path)
+    with held_alone(path):
+        store = OptionalStore(tmp_path)
+        (given,) = store.append([made(1_000)])
+    damage(path, page(page_of(path, table)))
+    with pytest.raises(DamagedStoreError):
+        store.attach()
+    assert store.outage
+    assert "malformed" in store.outage
+    assert store.attach()
+    assert store.outage is None
+    assert store.connections.renewal
+    assert store.get("advisory-1000") == [given]
+    store.close()
+
+
+def test_a_damaged_file_of_a_disk_that_hangs_is_set_aside_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deconflict.operator.store.optional.optional_connections.OPEN_STUCK_S", 0.2)
+    with disk_that_can_stick(tmp_path) as disk:
+        path = filled(disk / "data")
+        garble_first_page(path)
+        with stuck(disk):
+            store = OptionalStore(path.parent)
+            assert store.outage
+            attaching = Thread(target=store.attach, daemon=True)
+            attaching.start()
+            attaching.join(1.2)
+            assert attaching.is_alive(), "two threads wait for the disk, with names of two seconds"
+        attaching.join(PATIENCE_S)
+        while store.outage:
+            store.attach()
+        assert store.connections.renewal
+        assert store.connections.renewal.salvage.copied == 400
+        assert len([each for each in path.parent.iterdir() if each.name.endswith(".db")]) == 2
+        store.close()

@@ -4,11 +4,12 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, closing, contextmanager
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
+from sys import maxsize
 
 import pytest
 
@@ -327,6 +328,67 @@ def test_what_was_removed_from_memory_counts_as_removed_in_the_file(data: Path) 
     assert store.attach()
     assert store.page_after(first.seq, EVERY_KIND, 10).removed == last.seq
     store.close()
+
+
+def test_a_file_that_is_replaced_while_it_takes_the_place_of_memory_is_noticed(data: Path) -> None:
+    store = OptionalStore(data)
+    assert store.leave_stuck()
+    store.append([made(3)])
+    file = store.connections.opened_again()
+    assert file
+    store.path.rename(data / "elsewhere.db")
+    Store(data).close()
+    store.connections.use_again(file)
+    store.append([made(4)])
+    assert store.attach()
+    assert store.outage is None
+    store.close()
+    with closing(Store(data)) as again:
+        assert [each.id for each in again.latest("open").advisories] == ["advisory-4", "advisory-3", "advisory-2"]
+
+
+@pytest.fixture
+def little_memory(monkeypatch: pytest.MonkeyPatch) -> int:
+    """The size of memory, in bytes."""
+    most_bytes = 200_000
+    for name in ("stand_in", "optional_connections"):
+        monkeypatch.setattr(f"deconflict.operator.store.optional.{name}.MOST_BYTES", most_bytes, raising=False)
+    return most_bytes
+
+
+def test_memory_stays_within_its_size_while_who_removes_waits_for_the_disk(data: Path, little_memory: int) -> None:
+    with closing(OptionalStore(data)) as store:
+        assert store.leave_stuck()
+        for number in range(1_000, 1_400, 20):
+            store.append([each for n in range(number, number + 20) for each in (made(n), cleared(n))])
+            store.flush()
+        assert store.used_bytes() < 2 * little_memory
+        assert [each.id for each in store.latest("open").advisories] == ["advisory-2"]
+        left = {each.id for each in store.after(0, -1)} - {"advisory-1", "advisory-2"}
+        assert store.prune_to(maxsize) == 400 - len(left)
+        while store.outage:
+            store.attach()
+
+
+def test_a_file_that_takes_the_place_of_memory_is_not_cut_to_the_size_of_memory(data: Path, little_memory: int) -> None:
+    with closing(Store(data)) as before:
+        before.append([each for number in range(1_000, 1_200) for each in (made(number), cleared(number))])
+        before.set_position("hook", before.last_seq())
+        before.flush()
+        assert before.used_bytes() > 2 * little_memory
+    with closing(OptionalStore(data)) as store, ThreadPoolExecutor() as threads:
+        assert store.leave_stuck()
+        file = store.connections.opened_again()
+        assert file
+        with store.connections.changing:
+            taking_over = threads.submit(store.connections.use_again, file)
+            while not store.connections._locks.long_reader.locked():
+                time.sleep(0.01)
+            removing = threads.submit(store.prune_to, 1 << 30)
+            assert not wait([removing], timeout=0.2).done, "it waits until the file has the place of memory"
+        assert taking_over.result(PATIENCE_S)
+        removing.result(PATIENCE_S)
+        assert store.get("advisory-1000")
 
 
 def test_a_file_whose_disk_does_not_answer_is_left_and_used_again(data: Path) -> None:
