@@ -45,8 +45,8 @@ class DataDirectoryError(OSError):
 def create_data_directory(directory: Path) -> None:
     """Create it if needed. What this process and its children write from now on is for its user and group only.
 
-    Raises `DataDirectoryError` if a file has its place. A disk that is missing, full or read-only is logged only, and so
-    is one behind a link: the service warns without it, and uses it once it can.
+    Raises `DataDirectoryError` if a file has its place. A disk that is missing, full or read-only is logged only, also
+    one behind a link: the service warns without it, and uses it once it can.
     """
     os.umask(os.umask(OTHERS) | OTHERS)
     try:
