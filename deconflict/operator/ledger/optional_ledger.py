@@ -8,7 +8,8 @@ from threading import Lock
 
 from deconflict.operator.ledger.loss_ledger import FILE_NAME, LossLedger, LossParcel
 from deconflict.operator.ledger.loss_questions import LossQuestion
-from deconflict.operator.store.tables import UNWRITABLE
+from deconflict.operator.store.optional.optional_connections import OPEN_STUCK_S, within
+from deconflict.operator.store.tables import UNWRITABLE, StoreError
 from deconflict.settings.site import LossSettings
 from deconflict_client.answers.loss_models import LossList
 from ingest.measures.measures import Measures
@@ -90,6 +91,13 @@ class OptionalLedger:
             return self._opened().prune(now_s)
 
     def close(self) -> None:
+        """Write what waits, if the disk takes it. It is waited for no longer than at a start."""
+        try:
+            within(OPEN_STUCK_S, self._end)
+        except StoreError as error:
+            log.error("losses that wait for %s may be lost: %s", FILE_NAME, error)
+
+    def _end(self) -> None:
         if self.outage is None:
             self.store()
         if self._waiting_count:

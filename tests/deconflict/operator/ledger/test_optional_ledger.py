@@ -1,6 +1,7 @@
 """The ledger of a service: nothing waits for its file."""
 
 import sqlite3
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing
 from pathlib import Path
@@ -13,6 +14,8 @@ from deconflict.operator.ledger.optional_ledger import DROPPED, OptionalLedger
 from deconflict.settings.site import LossSettings
 from ingest.measures.measures import Measures
 from tests.deconflict.operator.ledger.made_entries import CROSSED, QUEUED, question
+from tests.deconflict.roles.made_disks import disk_that_can_stick, stuck
+from tests.helpers.patience import PATIENCE_S
 
 Harm = Callable[[Path], AbstractContextManager[None]]
 
@@ -74,3 +77,19 @@ def test_a_loss_that_cannot_be_written_holds_up_no_other(ledger: OptionalLedger,
     ledger.store()
     assert ledger.ask(question()).total.losses == 2
     assert measures.values[DROPPED] == {(): 1}
+
+
+def test_a_ledger_ends_although_its_disk_does_not_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("deconflict.operator.ledger.optional_ledger.OPEN_STUCK_S", 0.2)
+    with disk_that_can_stick(tmp_path) as disk:
+        other = OptionalLedger(disk, LossSettings(), Measures())
+        other.store()
+        other.add(LossParcel("engine", 1, [QUEUED]))
+        ending = threading.Thread(target=other.close, daemon=True)
+        with stuck(disk):
+            ending.start()
+            ending.join(PATIENCE_S)
+            assert not ending.is_alive()
+        assert "may be lost" in caplog.text
