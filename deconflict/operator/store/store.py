@@ -10,7 +10,7 @@ commits, but not the file.
 
 import sqlite3
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Container, Iterator, Sequence, Set
 from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
@@ -128,19 +128,21 @@ class Store:
             pending, positions = self._pending, dict(self.outlets.unstored)
         if not pending and not positions:
             return
-        unwritable: list[tuple[AnyRevision, Exception]] = []
         with self.connections.writing() as db:
-            last = tables.last_seq(db)
+            last, answered = tables.last_seq(db), self._answers.unstored
             new = (revision for revision in pending if revision.seq > last)
-            answered = self._answers.unstored
-            unwritable += [(each, error) for each in new if (error := tables.write_one(db, each, answered))]
+            unwritable = [(each, error) for each in new if (error := tables.write_one(db, each, answered))]
             tables.put_positions(db, positions)
         with self._number_lock, self.connections.changing:
+            self._note_stored(pending, {revision.seq for revision, _ in unwritable})
             self.unwritable += unwritable
             self._pending = [revision for revision in self._pending if not pending or revision.seq > pending[-1].seq]
             self._answers.stored_to(pending[-1].seq if pending else 0)
             self.outlets.stored(positions)
         self.note_unstored()
+
+    def _note_stored(self, pending: Sequence[AnyRevision], unwritable: Container[int]) -> None:
+        """The database has what was pending, but for these numbers."""
 
     def note_unstored(self) -> None:
         """Have a start after a crash begin a new epoch if revisions wait for the disk now."""
@@ -307,10 +309,7 @@ class Store:
         return sorted(with_encounters(numbers, pending, pair, last).items())
 
     def prune(self, before: datetime, latest_s: float = float("inf")) -> int:
-        """Remove cleared advisories that are old (`pruning.last_old`) with every revision, and pairs that are too many.
-
-        Returns how many advisories.
-        """
+        """Remove old cleared advisories (`pruning.last_old`), and surplus pairs; returns how many advisories."""
         pruning.forget_surplus_pairs(self.connections)
         with self.connections.long_reading() as db:
             last = pruning.last_old(db, before.timestamp(), latest_s)

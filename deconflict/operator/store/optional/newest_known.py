@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import closing
 from itertools import chain
 from operator import attrgetter
@@ -20,12 +20,12 @@ ORDER BY seq DESC LIMIT ?"""
 
 
 class NewestKnown:
-    """The state of a store, as its file has it once everything is stored. For any thread."""
+    """The state of a database as this process has written it. For any thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._last_seq = 0
-        """The highest number given."""
+        """The highest number of what the database has."""
         self._open: dict[str, AnyRevision] = {}
         """The newest revision of what is open, by id."""
         self._unsent = deque[AnyRevision](maxlen=MOST_UNSENT)
@@ -48,10 +48,10 @@ class NewestKnown:
         (known._encounter,) = db.execute("SELECT ifnull(max(ordinal), 0) FROM encounters").fetchone()
         return known
 
-    def note(self, accepted: Iterable[AnyRevision]) -> None:
-        """Revisions were given numbers, or were sent again."""
+    def note(self, stored: Iterable[AnyRevision]) -> None:
+        """The database has these revisions."""
         with self._lock:
-            for revision in accepted:
+            for revision in stored:
                 if revision.seq > self._last_seq:
                     self._add(revision)
 
@@ -75,23 +75,18 @@ class NewestKnown:
             while self._unsent and self._unsent[0].seq <= sent:
                 self._unsent.popleft()
 
-    def state(self, pending: Sequence[AnyRevision]) -> State:
-        """Without what is pending: that is in no file yet. A pair that meets again goes on above all encounters."""
+    def state(self) -> State:
+        """A pair that meets again goes on above all encounters."""
         with self._lock:
-            return self._state(pending)
+            return self._state()
 
-    def _state(self, pending: Sequence[AnyRevision]) -> State:
-        last_seq = pending[0].seq - 1 if pending else self._last_seq
+    def _state(self) -> State:
         known = chain(self._unsent, self._open.values())
         newest = {(each.id, each.revision, each.acknowledgement is None): each for each in known}
-        burdens_s = self._burdens_s.copy()
-        for revision in pending:
-            burdens_s.subtract(revision.advised_wait_s)
         with closing(empty_database()) as db:
             for revision in sorted(newest.values(), key=attrgetter("seq")):
-                if revision.seq <= last_seq:
-                    tables.write_known(db, revision)
+                tables.write_known(db, revision)
             tables.put_positions(db, self._positions)
             tables.note_encounter(db, FORGOTTEN, self._encounter)
-            db.executemany("INSERT INTO burdens VALUES (?, ?)", list(burdens_s.items()))
-            return state_of(db)._replace(last_seq=last_seq)
+            db.executemany("INSERT INTO burdens VALUES (?, ?)", list(self._burdens_s.items()))
+            return state_of(db)._replace(last_seq=self._last_seq)

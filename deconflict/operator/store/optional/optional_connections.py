@@ -37,6 +37,10 @@ OPEN_STUCK_S = 5.0
 Answer = TypeVar("Answer")
 
 
+class StuckDiskError(StoreError):
+    """The disk does not answer. Who asked it may hold what others wait for."""
+
+
 def within(limit_s: float, ask: Callable[[], Answer], drop: Callable[[Answer], object] = lambda _: None) -> Answer:
     """The answer of the disk. Raises `StoreError` if it takes longer; `drop` gets an answer that comes later."""
     asking = Future[Answer]()
@@ -52,7 +56,16 @@ def within(limit_s: float, ask: Callable[[], Answer], drop: Callable[[Answer], o
         return asking.result(limit_s)
     except TimeoutError:
         asking.add_done_callback(lambda late: None if late.exception() else drop(late.result()))
-        raise StoreError(STUCK) from None
+        raise StuckDiskError(STUCK) from None
+
+
+def _identity_of_log(path: Path) -> tuple[int, int] | None:
+    """Device and inode of the write-ahead log of a database; None if there is none."""
+    try:
+        status = path.with_name(f"{path.name}-wal").stat()
+    except FileNotFoundError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 class OptionalConnections(SqliteConnections):
@@ -65,6 +78,8 @@ class OptionalConnections(SqliteConnections):
         """Files in use that did not answer, and what is locked by those who wait for them."""
         self.outage: str | None = None
         """Why the file is not in use; None if it is."""
+        self._log_identity: tuple[int, int] | None = None
+        """Of the write-ahead log of the file in use."""
         super().__init__(directory, follows_stream=follows_stream)
 
     @property
@@ -89,6 +104,8 @@ class OptionalConnections(SqliteConnections):
             status = self.path.stat()
             if (status.st_dev, status.st_ino) != self._identity:
                 return f"{self.path} was replaced by something else"
+            if self._log_identity != _identity_of_log(self.path):
+                return f"{self.path}-wal, which has what that file lacks, was removed or replaced"
             with self.numbering() as db:
                 last_seq(db)
             with suppress(OSError):
@@ -114,7 +131,9 @@ class OptionalConnections(SqliteConnections):
         file.close()
         return True
 
-    def leave_stuck(self, state: State, pending: Sequence[AnyRevision], answered: Container[int]) -> None:
+    def leave_stuck(
+        self, state: State | None, pending: Sequence[AnyRevision] = (), answered: Container[int] = ()
+    ) -> None:
         """As `leave_file`, of a file that many may wait for: it is left to them, and closed once it is in use again.
 
         The caller holds `changing`.
@@ -144,6 +163,8 @@ class OptionalConnections(SqliteConnections):
             try:
                 file = self._opened_or_renewed()
                 at_error.callback(file.close)
+                with self._explained_errors():
+                    self._stand_in.begin_file(file.writer)
                 while len(rows := self._next_rows(self._stand_in)) == STEP:
                     super().note_unstored(lambda: True)  # a kill between the steps leaves numbers that it lacks
                     self._write_rows(self._stand_in, file.writer, rows)
@@ -152,6 +173,12 @@ class OptionalConnections(SqliteConnections):
                 return None
             at_error.pop_all()
         return file
+
+    @contextmanager
+    def without_limit(self) -> Iterator[None]:
+        """Memory takes what waits, also if it is full."""
+        with self._stand_in.without_limit() if self._stand_in else nullcontext():
+            yield
 
     def use_again(self, file: StoreConnections) -> bool:
         """Write the rest of what memory has to the file, and use it. Raises `StoreError`; then memory stays in use.
@@ -163,6 +190,8 @@ class OptionalConnections(SqliteConnections):
         with ExitStack() as at_error, self._said_errors(), self._all_locked() as locks:
             at_error.callback(file.close)
             self._write_rows(stand_in, file.writer, self._next_rows(stand_in))
+            while rows := self._next_rows(stand_in):  # what came since the last step may be many
+                self._write_rows(stand_in, file.writer, rows)
             with self._explained_errors(), begun(file.writer, "BEGIN IMMEDIATE"):
                 stand_in.finish(file.writer, time.time())
             with self._explained_errors():
@@ -213,6 +242,7 @@ class OptionalConnections(SqliteConnections):
             at_error.callback(file.close)
             with begun(file.writer, "BEGIN IMMEDIATE") as db:
                 db.execute(f"PRAGMA user_version = {len(UPGRADES)}")
+            self._log_identity = _identity_of_log(self.path)
             at_error.pop_all()
         return file
 
@@ -255,5 +285,5 @@ class OptionalConnections(SqliteConnections):
 
     def _write_rows(self, stand_in: StandIn, db: sqlite3.Connection, rows: list[tuple[int, str, int]]) -> None:
         with self._explained_errors(), begun(db, "BEGIN IMMEDIATE"):
-            shift = stand_in.hand_over(db, rows)
-        stand_in.handed_over(rows, shift)
+            step = stand_in.hand_over(db, rows)
+        stand_in.handed_over(step)

@@ -1,18 +1,22 @@
 """The store of a service: what it publishes does not wait for the file, neither at the start nor while it runs."""
 
 import logging
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Container, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from sys import maxsize
 from threading import RLock
 
 from deconflict.operator.store import pruning
 from deconflict.operator.store.optional.newest_known import NewestKnown
-from deconflict.operator.store.optional.optional_connections import OPEN_STUCK_S, OptionalConnections, within
+from deconflict.operator.store.optional.optional_connections import (
+    OPEN_STUCK_S,
+    OptionalConnections,
+    StuckDiskError,
+    within,
+)
 from deconflict.operator.store.sqlite_connections import DamagedStoreError, StoreConnections
 from deconflict.operator.store.store import Store, StoreError
-from deconflict_client.advisory import Acknowledgement
 from deconflict_client.situations import AnyRevision
 
 log = logging.getLogger(__name__)
@@ -61,7 +65,11 @@ class OptionalStore(Store):
     def _use_again(self, file: StoreConnections) -> None:
         lock = self._number_lock
         with lock:
-            self.flush()
+            with ExitStack() as at_error:
+                at_error.callback(file.close)
+                with self.connections.without_limit():
+                    self.flush()
+                at_error.pop_all()
             if not self.connections.use_again(file):
                 return
             with suppress(StoreError):  # it is read in vain if the file fails at once, and is tried again with it
@@ -70,15 +78,8 @@ class OptionalStore(Store):
                     if lock is self._number_lock:
                         self._known = known
 
-    def accept(self, advisories: Sequence[AnyRevision]) -> list[AnyRevision]:
-        accepted = super().accept(advisories)
-        self._known.note(accepted)
-        return accepted
-
-    def accept_answer(self, advisory_id: str, answer: Acknowledgement, seq: int | None = None) -> AnyRevision | None:
-        answered = super().accept_answer(advisory_id, answer, seq)
-        self._known.note([answered] if answered else [])
-        return answered
+    def _note_stored(self, pending: Sequence[AnyRevision], unwritable: Container[int]) -> None:
+        self._known.note(revision for revision in pending if revision.seq not in unwritable)
 
     def set_position(self, outlet: str, seq: int) -> None:
         super().set_position(outlet, seq)
@@ -93,7 +94,7 @@ class OptionalStore(Store):
             pending, unstored, waiting = self._pending, self._answers.unstored, self.outlets.unstored
             self._number_lock, self.outlets = RLock(), pruning.OutletPositions()
             self.outlets.unstored = dict(waiting)
-            self.connections.leave_stuck(self._known.state(pending), pending, unstored)
+            self.connections.leave_stuck(self._known.state(), pending, unstored)
             self._pending = []
         return True
 
@@ -109,12 +110,15 @@ class OptionalStore(Store):
 
     def _first_known(self) -> NewestKnown:
         """Of the file, of the one that takes its place if it is damaged, or of memory if neither can be read."""
-        with suppress(DamagedStoreError):
-            return self._read_known()
-        try:
-            return self._read_known()
-        except StoreError as error:
-            self.connections.leave_file(str(error), (), ())
+        for is_last in (False, True):
+            try:
+                return within(OPEN_STUCK_S, self._read_known)
+            except StuckDiskError:
+                with self.connections.changing:
+                    self.connections.leave_stuck(None)
+            except StoreError as error:
+                if is_last or not isinstance(error, DamagedStoreError):
+                    self.connections.leave_file(str(error), (), ())
         return self._read_known()
 
     def _read_known(self) -> NewestKnown:

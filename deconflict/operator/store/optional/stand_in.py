@@ -9,7 +9,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Container, Iterable, Iterator, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +24,10 @@ log = logging.getLogger(__name__)
 
 IN_MEMORY = ":memory:"
 MOST_BYTES = 64 << 20
-"""Cleared advisories are removed beyond this size. Twice as much is the limit."""
+"""Cleared advisories are removed beyond this size. It takes twice as much, beside what it began with."""
+PAGE_BYTES = 4096
+MOST_PAGES = 4_294_967_294
+"""SQLite's own limit."""
 MOST_UNSENT = 5_000
 """Most revisions that outlets have not sent that it begins with."""
 NEWEST = 500
@@ -56,6 +59,17 @@ GIVEN = """SELECT seq, document, EXISTS (
     SELECT 1 FROM revisions AS first WHERE first.id = r.id AND first.revision = r.revision AND first.seq < r.seq)
 FROM revisions AS r WHERE seq > ? ORDER BY seq LIMIT ?"""
 """Number, document, and whether it only adds an answer."""
+
+
+class HandedOver(NamedTuple):
+    """What a file has of the database in memory after a step."""
+
+    last: int
+    """Up to this number it has everything."""
+    shift: int
+    """What was added to the numbers of this step."""
+    newest: tuple[object, ...] | None
+    """`_newest_row` of the file; None if nothing was handed over."""
 
 
 class State(NamedTuple):
@@ -137,18 +151,20 @@ class StandIn:
         """
         self.state, self._follows_stream = state, reserved is None
         self.db = empty_database()
-        self.db.execute(f"PRAGMA max_page_count = {2 * MOST_BYTES // 4096}")
         if state:
             state.write(self.db)
         self._begun_after = state.last_seq if state else 0
         """What has a higher number was never in the file."""
-        self._handed = [(self._begun_after, 0)]
-        """Up to these numbers the file has everything, each with the shift of those above the one before."""
+        self._handed = [HandedOver(self._begun_after, 0, None)]
+        """The steps, ascending by number. The first one is what it began with."""
         unstored = [revision for revision in pending if revision.seq > self._begun_after]
         self._answered = {revision.seq for revision in unstored if revision.seq in answered}
         """Numbers of answers to what it may not know itself."""
         for revision in unstored:
             tables.write_one(self.db, revision, answered)
+        (begun_pages,) = self.db.execute("PRAGMA page_count").fetchone()
+        self._most_pages = begun_pages + 2 * MOST_BYTES // PAGE_BYTES
+        self._limit(self._most_pages)
         self._epoch = 0
         """The last number before its epoch; 0 if a stream gives the numbers."""
         if reserved is not None:
@@ -160,22 +176,39 @@ class StandIn:
         self.has_engine = False
         """Whether an engine resumed with what this database has open."""
 
+    def _limit(self, most_pages: int) -> None:
+        self.db.execute(f"PRAGMA max_page_count = {most_pages}")
+
+    @contextmanager
+    def without_limit(self) -> Iterator[None]:
+        """It takes what waits, also if it is full: a file is about to get all."""
+        self._limit(MOST_PAGES)
+        try:
+            yield
+        finally:
+            self._limit(self._most_pages)
+
+    def begin_file(self, file: sqlite3.Connection) -> None:
+        """A file was opened. One that lacks what was handed over is another one, or an older copy, and gets all."""
+        newest = self._handed[-1].newest
+        if newest is None or not _has_row(file, newest):
+            self._shift, self._handed = None, self._handed[:1]
+
     def next_rows(self) -> list[tuple[int, str, int]]:
         """The next rows of `GIVEN` to hand over."""
-        return self.db.execute(GIVEN, (self._handed[-1][0], STEP)).fetchall()
+        return self.db.execute(GIVEN, (self._handed[-1].last, STEP)).fetchall()
 
-    def hand_over(self, file: sqlite3.Connection, rows: Iterable[tuple[int, str, int]]) -> int:
+    def hand_over(self, file: sqlite3.Connection, rows: Sequence[tuple[int, str, int]]) -> HandedOver:
         """Write rows to the file, in a transaction. `handed_over` takes what this returns once that is committed."""
         shift = self._begin(file) if self._shift is None else self._shift
         last = tables.last_seq(file)
         for seq, document, is_answer in rows:
-            if seq + shift > last:
-                revision = tables.revision_of(document).model_copy(update={"seq": seq + shift})
-                if error := tables.write_one(
-                    file, revision, {seq + shift} if is_answer or seq in self._answered else ()
-                ):
+            for known in tables.readable([(document,)]) if seq + shift > last else ():
+                revision = known.model_copy(update={"seq": seq + shift})
+                answered = {revision.seq} if is_answer or seq in self._answered else ()
+                if error := tables.write_one(file, revision, answered):
                     log.warning("%s, revision %d, is not stored: %s", revision.id, revision.revision, error)
-        return shift
+        return HandedOver(rows[-1][0] if rows else self._handed[-1].last, shift, _newest_row(file))
 
     def _begin(self, file: sqlite3.Connection) -> int:
         """Let the file continue beyond the numbers of this epoch; returns what to add to them.
@@ -201,14 +234,14 @@ class StandIn:
         )
         return given is not None and given == stored
 
-    def handed_over(self, rows: list[tuple[int, str, int]], shift: int) -> None:
-        self._shift = shift
-        if rows:
-            self._handed.append((rows[-1][0], shift))
+    def handed_over(self, step: HandedOver) -> None:
+        self._shift = step.shift
+        if step.last > self._handed[-1].last:
+            self._handed.append(step)
 
     def _in_file(self, seq: int) -> int:
         """The number in the file of what has a number here."""
-        return seq + next((shift for last, shift in self._handed if seq <= last), self._shift or 0)
+        return seq + next((step.shift for step in self._handed if seq <= step.last), self._shift or 0)
 
     def finish(self, file: sqlite3.Connection, now_s: float) -> None:
         """Hand over what is not a revision, and clear what nobody here knows to be open, or an outlet to be over."""
@@ -232,7 +265,21 @@ class StandIn:
         for document in tables.open_after(file, 0):
             is_forgotten = document.kind not in ADVISORY_KINDS or self.has_engine
             if is_forgotten and tables.newest(self.db, document.id) is None:
-                yield tables.revision_of(document.text)
+                yield from tables.readable([(document.text,)])
+
+
+def _newest_row(db: sqlite3.Connection) -> tuple[object, ...] | None:
+    """Number, id, revision and answers of what has the highest number; None if there is nothing."""
+    row: tuple[object, ...] | None = db.execute(
+        "SELECT seq, id, revision, answers FROM revisions ORDER BY seq DESC LIMIT 1"
+    ).fetchone()
+    return row
+
+
+def _has_row(db: sqlite3.Connection, row: tuple[object, ...]) -> bool:
+    """Whether a database has what `_newest_row` said of it, or of another one."""
+    query = "SELECT 1 FROM revisions WHERE (seq, id, revision, answers) = (?, ?, ?, ?)"
+    return db.execute(query, row).fetchone() is not None
 
 
 def _missed(file: sqlite3.Connection, skipping: Iterable[int], last: int) -> list[AnyRevision]:
