@@ -299,7 +299,7 @@ async def test_what_it_costs_has_no_rows_of_refused_advice_that_cost_no_time_els
     }"""
     async with opened(browser, face) as page:
         found = await page.evaluate(script)
-        assert re.match(r"Today until \d\d:\d\d robots and people lost", found)
+        assert re.match(r"Today, until \d\d:\d\d, robots and people lost", found)
         assert "Acme" not in found
         assert "NaN" not in found
 

@@ -39,7 +39,7 @@ export class Costs {
     const heads = (...first) => [...first, "Lost", "Share", ...(total.cost === null ? [] : ["Cost"])];
     const cells = (row, ...first) => [...first, span(row.lost_s), share(row), ...(total.cost === null ? [] : [money(row)])];
     const whole = hours.filter(({ hour }) => hour < wholeS), priced = total.cost === null ? "" : `, which costs ${money(total)}`;
-    const lead = `Today until ${minute(nowS)} robots and people lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
+    const lead = `Today, until ${minute(nowS)}, robots and people lost ${span(total.lost_s)} to each other${priced}. ${compared(whole.reduce((sum, row) => sum + row.lost_s, 0), [...then.values()])} `
       + "A robot loses time while another one is in its way and it needs longer than by its plan. ";
     $("costs-body").replaceChildren(
       text("p", lead + warned(total) + ACCURACY),
