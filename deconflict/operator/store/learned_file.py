@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ingest.measures.measures import Measures
-from ingest.plain_files import UnfitFileError, check_folder, read_file, with_advice
+from ingest.plain_files import UnfitFileError, check_folder, read_file, unfit, with_advice
 from ingest.recording.replaced_file import ASIDE, replace_file, set_file_aside
 
 log = logging.getLogger(__name__)
@@ -44,9 +44,9 @@ class LearnedFile:
 
     def write(self, data: bytes) -> None:
         """Replace the file. The new one is synchronised to disk before it gets the name."""
-        if self._unread and self.path.is_file():
-            self.set_aside(f"it was put there after the engine had started without it ({self._unread})")
         try:
+            if self._unread and self.path.exists() and not unfit(self.path):
+                self.set_aside(f"it was put there after the engine had started without it ({self._unread})")
             replace_file(self.path, data)
         except OSError as error:
             advised = with_advice(error, "free some space, or check the owner")
